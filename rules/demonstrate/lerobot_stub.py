@@ -5,15 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from dextera_build.artifacts.core import trees
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.policy import layout
 from dextera_build.rule import Backend, Context, Options
 
-from . import lerobot_features, lerobot_meta, lerobot_stats
+from . import facts, lerobot_features, lerobot_meta, lerobot_stats
 from .lerobot_actions import Actions
 
 if TYPE_CHECKING:
@@ -39,11 +37,10 @@ def write(
         lerobot_features.columns(episodes, episode, number, 0, actions.of(episode))
         for number, (_, episode) in enumerate(episodes.in_order())
     ]
-    whole = {name: np.concatenate([columns[name] for columns in parts]) for name in features}
-    stats = {name: lerobot_stats.of_numbers(values) for name, values in whole.items()}
+    stats = lerobot_stats.of_all([{name: columns[name] for name in features} for columns in parts])
     files = {
-        "meta/info.json": lerobot_meta.document(lerobot_meta.info(bundle, episodes, features, {}, common)),
-        "meta/stats.json": lerobot_meta.document(lerobot_stats.plain(stats)),
-        "meta/dextera.json": lerobot_meta.document(lerobot_meta.about(bundle, episodes)),
+        "meta/info.json": facts.document(lerobot_meta.info(bundle, episodes, features, {}, common)),
+        "meta/stats.json": facts.document(lerobot_stats.plain(stats)),
+        "meta/dextera.json": facts.document(facts.about(bundle, episodes)),
     }
     trees.write(files, out)

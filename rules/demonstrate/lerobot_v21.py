@@ -1,4 +1,8 @@
-"""LeRobotDataset v2.1, a file per episode, with `modality.json`: what openpi and GR00T read."""
+"""LeRobotDataset v2.1, a file per episode, with `modality.json` and `stats.json`: what openpi and GR00T read.
+
+GR00T scales by the statistics of the whole set in `meta/stats.json`, with quantiles and without pictures, which LeRobot
+up to 0.3 ignores in this version.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +23,7 @@ from dextera_build.policy import layout
 from dextera_build.policy.declared import BY_NAME
 from dextera_build.rule import Context
 
-from . import lerobot_features, lerobot_meta, lerobot_stats, lerobot_tables
+from . import facts, lerobot_features, lerobot_meta, lerobot_stats, lerobot_tables
 from .lerobot_actions import Actions
 
 if TYPE_CHECKING:
@@ -29,7 +33,7 @@ VERSION = "v2.1"
 DATA = "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
 VIDEO = "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4"
 KNOWN = ("min", "max", "mean", "std", "count")
-"""Statistics of this version, which has no quantiles."""
+"""Statistics of an episode in this version, which has no quantiles."""
 
 
 def write(
@@ -42,16 +46,17 @@ def write(
     common: LerobotOptions,
 ) -> None:
     """Write all files below `out`."""
-    actions, words = Actions(bundle), lerobot_meta.instruction(bundle, common)
+    actions, words = Actions(bundle), facts.instruction(bundle, common)
     features = lerobot_features.features(episodes, layout.of_bundle(bundle).goal, actions.spec.names)
-    rows, stats, first = [], [], 0
+    rows, stats, whole, first = [], [], [], 0
     for number, (label, episode) in enumerate(episodes.in_order()):
         found = lerobot_features.columns(episodes, episode, number, first, actions.of(episode))
         columns = {name: found[name] for name in features}
+        whole.append(columns)
         trees.write({_place(DATA, number, common): lerobot_tables.steps(features, [columns])}, out)
         stats.append({name: lerobot_stats.of_numbers(values) for name, values in columns.items()})
         steps = len(episode.joints)
-        rows.append({"episode_index": number, "tasks": [words], "length": steps} | lerobot_meta.start(label, episode))
+        rows.append({"episode_index": number, "tasks": [words], "length": steps} | facts.start(label, episode))
         first += steps
     video: dict[str, object] = {}
     if film is not None:
@@ -60,18 +65,19 @@ def write(
         for own, pictures in zip(stats, _videos(ctx, episodes, film, out, common), strict=True):
             own[key] = pictures
     files = {
-        "meta/info.json": lerobot_meta.document(_info(bundle, episodes, features, video, common)),
+        "meta/info.json": facts.document(_info(bundle, episodes, features, video, common)),
         "meta/tasks.jsonl": _lines([{"task_index": 0, "task": words}]),
         "meta/episodes.jsonl": _lines(rows),
         "meta/episodes_stats.jsonl": _lines(
             {"episode_index": number, "stats": lerobot_stats.plain({name: _known(one) for name, one in own.items()})}
             for number, own in enumerate(stats)
         ),
-        "meta/modality.json": lerobot_meta.document(modality(bundle, features, "".join(video), common.camera)),
-        "meta/dextera.json": lerobot_meta.document(lerobot_meta.about(bundle, episodes)),
+        "meta/stats.json": facts.document(lerobot_stats.plain(lerobot_stats.of_all(whole))),
+        "meta/modality.json": facts.document(modality(bundle, features, "".join(video), common.camera)),
+        "meta/dextera.json": facts.document(facts.about(bundle, episodes)),
     }
     if view is not None:
-        files["meta/cameras.json"] = lerobot_meta.document(lerobot_meta.cameras(bundle, view, common.camera))
+        files["meta/cameras.json"] = facts.document(facts.cameras(bundle, view, common.camera))
     trees.write(files, out)
 
 

@@ -8,19 +8,28 @@ from pathlib import Path
 from typing import Any, Literal, Protocol
 
 from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.core.lazy import sizes
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
-from dextera_build.rule import Context, Options, Tolerance, rule
+from dextera_build.rule import Context, Tolerance, rule
 
-from .film_of import check_film
+from . import card, form
+
+FORM = form.Form(
+    "ROS 2 recordings in MCAP, one per episode",
+    lambda term: term.topic,
+    """
+from mcap_ros2.reader import read_ros2_messages
+
+for message in read_ros2_messages("episode-000000.mcap", topics=["/joint_states"]):
+    print(message.log_time_ns, message.ros_msg.position)
+""",
+    notes=("In the recordings, quaternions follow ROS: x y z w. Time starts at 0 in every episode.",),
+)
 
 
-class McapOptions(Options):
+class McapOptions(form.FormOptions):
     """Options of demonstrate.mcap."""
 
-    camera: str = "workspace"
-    """Name of the camera in topics and frames."""
     picture: Literal["png", "jpeg"] = "png"
     """Encoding of images; `png` is lossless."""
     compression: Literal["zstd", "none"] = "zstd"
@@ -63,20 +72,12 @@ def mcap(
 
     Time starts at 0 in every episode. Frames follow ROS: quaternions x y z w, camera frames with z forward.
     """
-    if not episodes.items:
-        ctx.fail("no episode counts", failures=len(episodes.failures), hint="look at their reasons in the episodes")
-    check_film(ctx, episodes, film)
-    if film is not None and view is not None and (film.width, film.height) != (view.camera.width, view.camera.height):
-        ctx.fail(
-            "the film was not shot through this view",
-            film=f"{film.width} x {film.height} px",
-            view=f"{view.camera.width} x {view.camera.height} px",
-        )
+    form.check(ctx, episodes, film, view)
     out = Path(tempfile.mkdtemp(dir=ctx.scratch))
     ctx.backend.write(ctx, bundle, episodes, film, view, out, options, ctx.backend_options)
-    folder = Folder.of(out)
-    ctx.check(len(folder.files) == len(episodes.items), "episodes were lost")
-    megabytes = sum(sizes(folder.files)) / 1e6
-    ctx.metric("size", megabytes, "MB")
-    ctx.say(f"{len(folder.files)} recordings, {'with' if film else 'without'} pictures, {megabytes:.1f} MB")
+    card.write(bundle, episodes, film, view, FORM, options, out)
+    folder, megabytes = form.folder(ctx, out)
+    recordings = sum(name.endswith(".mcap") for name in folder.files)
+    ctx.check(recordings == len(episodes.items), "episodes were lost")
+    ctx.say(f"{recordings} recordings, {'with' if film else 'without'} pictures, {megabytes:.1f} MB")
     return folder

@@ -13,7 +13,7 @@ from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.formats import video as video_files
 from dextera_build.formats.h264 import Clip
-from rules.demonstrate import lerobot_features, lerobot_meta, lerobot_pyarrow, lerobot_stats, lerobot_tables
+from rules.demonstrate import facts, lerobot_features, lerobot_meta, lerobot_pyarrow, lerobot_stats, lerobot_tables
 from rules.demonstrate.lerobot import LerobotOptions
 from rules.demonstrate.lerobot_actions import Actions
 from rules.demonstrate.lerobot_videos import videos as opened
@@ -28,7 +28,7 @@ def write(videos: dict[str, Collection[Video]], joints: Collection[Joints], rate
     options, bundle = LerobotOptions(), made_up.bundle()
     episodes = _episodes(joints, rate_hz)
     features = lerobot_features.features(episodes, ("rise",))
-    words = lerobot_meta.instruction(bundle, options)
+    words = facts.instruction(bundle, options)
     rows, stats = lerobot_pyarrow.data(episodes, Actions(bundle), features, words, options, out)
     cameras: dict[str, object] = {}
     for camera, found in videos.items():
@@ -40,8 +40,8 @@ def write(videos: dict[str, Collection[Video]], joints: Collection[Joints], rate
     files = {
         lerobot_meta.EPISODES.format(chunk_index=0, file_index=0): lerobot_tables.episodes(rows),
         lerobot_meta.TASKS: lerobot_tables.tasks(words),
-        "meta/info.json": lerobot_meta.document(info),
-        "meta/stats.json": lerobot_meta.document(lerobot_stats.plain(stats)),
+        "meta/info.json": facts.document(info),
+        "meta/stats.json": facts.document(lerobot_stats.plain(stats)),
     }
     trees.write(files, out)
     return len(videos) * sum(len(episode.joints) for episode in episodes.items.values())

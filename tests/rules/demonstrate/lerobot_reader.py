@@ -17,7 +17,8 @@ for name in ("nms", "qnms"):
 
 from lerobot.datasets.lerobot_dataset import LeRobotDataset  # noqa: E402
 
-NUMBERS = ("observation.state", "observation.environment_state", "action", "timestamp", "index", "episode_index")
+SEEN = ("observation.state", "observation.environment_state", "observation.goal")
+NUMBERS = (*SEEN, "action", "timestamp", "index", "episode_index")
 
 
 def main(folder: str, out: str) -> None:
@@ -28,10 +29,12 @@ def main(folder: str, out: str) -> None:
     found = {key: np.stack([item[key].numpy() for item in items]) for key in NUMBERS}
     found["pixels"] = np.stack([item[camera].numpy() for item in items])
     found["task"] = np.array([item["task"] for item in items])
-    found["mean"] = whole.meta.stats["action"]["mean"]
+    found |= {name: value for name, value in whole.meta.stats["action"].items() if name != "count"}
     period = 1.0 / whole.fps
     wanted = {"action": [0.0, period, 2 * period], camera: [-period, 0.0]}
-    some = LeRobotDataset("dextera/test", root=folder, video_backend="pyav", episodes=[1, 3], delta_timestamps=wanted)
+    # LeRobot up to 0.3 has no windows in a selection: it takes an episode's number for its place in the selection.
+    selected = [1, 3] if str(whole.meta.info["codebase_version"]).startswith("v3") else None
+    some = LeRobotDataset("dextera/test", root=folder, video_backend="pyav", episodes=selected, delta_timestamps=wanted)
     last = some[len(some) - 1]
     found |= {"window": last["action"].numpy(), "padding": last["action_is_pad"].numpy()}
     found |= {"window_pixels": last[camera].numpy(), "window_episode": last["episode_index"].numpy()}

@@ -46,7 +46,8 @@ def filmed(made: Episodes, size: int = 16) -> Film:
 
 
 def written(made: Episodes, film: Film | None = None, **options: object) -> Folder:
-    inputs: dict[str, Any] = {"episodes": made, "view": episodes.view()} | ({"film": film} if film else {})
+    view = episodes.view(film.width, film.height) if film else episodes.view()
+    inputs: dict[str, Any] = {"episodes": made, "view": view} | ({"film": film} if film else {})
     with tempfile.TemporaryDirectory() as scratch:
         folder: Folder = RuleRunner(scratch).run(
             "demonstrate.lerobot", options=options, bundle=episodes.bundle(), **inputs

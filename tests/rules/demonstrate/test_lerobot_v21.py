@@ -73,6 +73,16 @@ def test_episodes_tasks_and_statistics_are_json_lines() -> None:
         assert np.array(stats[KEY]["max"]).shape == (3, 1, 1)
 
 
+def test_statistics_of_the_whole_set_have_quantiles() -> None:
+    stats, shown = document(made(), "stats.json"), of_lengths(LENGTHS)
+    actions = np.concatenate([episode.action for _, episode in shown.in_order()]).astype(float)
+    assert KEY not in stats
+    for name, part in (("q01", 0.01), ("q10", 0.1), ("q50", 0.5), ("q90", 0.9), ("q99", 0.99)):
+        assert np.allclose(stats["action"][name], np.quantile(actions, part, axis=0))
+    assert np.allclose(stats["action"]["std"], actions.std(axis=0))
+    assert stats["action"]["count"] == [sum(LENGTHS)]
+
+
 def test_modality_divides_state_and_action_into_named_parts() -> None:
     folder, bundle = made(), episodes.bundle()
     features, parts = document(folder, "info.json")["features"], document(folder, "modality.json")

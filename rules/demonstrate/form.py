@@ -1,0 +1,80 @@
+"""What all forms of a data set share: options, refusals, and the names of one step's numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.core.lazy import sizes
+from dextera_build.artifacts.tasks.episode import Episodes, Film
+from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.policy import layout
+from dextera_build.policy.terms import Declared
+from dextera_build.rule import Context, Options
+
+from .film_of import check_film
+from .lerobot_actions import Actions
+from .lerobot_features import Feature, features
+
+OBSERVED = "observation."
+"""Start of the names of the features that a policy may observe."""
+
+
+class FormOptions(Options):
+    """Options of every form of a data set."""
+
+    instruction: str = ""
+    """The task in words, for language-conditioned policies; empty: the task's name, `CloseLaptop` as `close laptop`."""
+    camera: str = "workspace"
+    """Name of the camera, which names its pictures."""
+    licence: str = ""
+    """Licence under which you publish the data set, as the Hub spells it (`cc-by-4.0`), for its card; empty: none."""
+
+
+@dataclass(frozen=True)
+class Form:
+    """A form of a data set, as its card describes it."""
+
+    title: str
+    """`LeRobotDataset v3.0`."""
+    place: Callable[[Declared], str]
+    """Where this form holds a term, `{}` for a row or the camera; empty: nowhere."""
+    load: str
+    """Python that opens the folder with the loader that the form is meant for."""
+    notes: tuple[str, ...] = ()
+    """Sentences about what only this form has."""
+    header: Mapping[str, object] = field(default_factory=dict)
+    """More entries at the head of the card."""
+
+
+def check(ctx: Context, episodes: Episodes, film: Film | None, view: View | None) -> None:
+    """Refuse a data set without episodes, and a film that does not fit them or its view.
+
+    Raises:
+        RuleError: It is refused.
+    """
+    if not episodes.items:
+        ctx.fail("no episode counts", failures=len(episodes.failures), hint="look at their reasons in the episodes")
+    check_film(ctx, episodes, film)
+    if film is not None and view is not None and (film.width, film.height) != (view.camera.width, view.camera.height):
+        ctx.fail(
+            "the film was not shot through this view",
+            film=f"{film.width} x {film.height} px",
+            view=f"{view.camera.width} x {view.camera.height} px",
+        )
+
+
+def folder(ctx: Context, out: Path) -> tuple[Folder, float]:
+    """All files below `out`, and their size [MB], which becomes the metric `size`."""
+    found = Folder.of(out)
+    megabytes = sum(sizes(found.files)) / 1e6
+    ctx.metric("size", megabytes, "MB")
+    return found, megabytes
+
+
+def observed(bundle: TaskBundle, episodes: Episodes, actions: Actions) -> dict[str, Feature]:
+    """The features that a policy may observe, by their names in forms that keep them apart from actions."""
+    found = features(episodes, layout.of_bundle(bundle).goal, actions.spec.names)
+    return {name.removeprefix(OBSERVED): each for name, each in found.items() if name.startswith(OBSERVED)}

@@ -1,0 +1,154 @@
+"""demonstrate.robomimic written with h5py."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+
+from dextera_build.artifacts.tasks.episode import Episode, Episodes, Film
+from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.rule import Backend, Context, Options
+from dextera_build.sim.render.filming import Replica
+
+from . import facts, form, lerobot_features, robomimic_names, split
+from .lerobot_actions import Actions
+
+if TYPE_CHECKING:
+    from .robomimic import RobomimicOptions
+
+BACKEND = Backend(summary="HDF5 by h5py", profiles=("cpu",), packages=("h5py", "mujoco"), extra="learn")
+GYM = 2
+"""robomimic's number of environments that Gym makes."""
+
+
+def write(
+    ctx: Context,
+    bundle: TaskBundle,
+    episodes: Episodes,
+    film: Film | None,
+    view: View | None,
+    out: Path,
+    common: RobomimicOptions,
+    options: Options,
+) -> None:
+    """Write `demo.hdf5` below `out`; its bytes follow from the arguments."""
+    actions, replica = Actions(bundle), Replica(bundle, episodes)
+    ordered = episodes.in_order()
+    taken = [actions.of(episode) for _, episode in ordered]
+    scale = Scale(actions, taken)
+    if scale.widened:
+        ctx.log(f"actions beyond their limits, which the scale includes: {', '.join(scale.widened)}")
+    valid = split.validation(episodes, common.valid_share)
+    sides: dict[str, list[str]] = {"train": [], "valid": []}
+    with h5py.File(out / robomimic_names.FILE, "w") as file:
+        data = file.create_group("data")
+        for number, (label, episode) in enumerate(ordered):
+            demo = data.create_group(f"demo_{number}")
+            sides["valid" if label in valid else "train"].append(f"demo_{number}")
+            _numbers(demo, form.observed(bundle, episodes, actions), episodes, episode, scale.of(taken[number]))
+            demo["states"] = replica.positions(episode)
+            _about(demo, label, episode, facts.instruction(bundle, common))
+            if film is not None:
+                _pictures(demo, robomimic_names.PICTURE.format(common.camera), film, label, len(episode.joints))
+            ctx.progress(number + 1, len(ordered), "demonstrations")
+        _whole(data, bundle, episodes, actions, scale)
+        if view is not None:
+            data.attrs["cameras"] = facts.document(facts.cameras(bundle, view, common.camera)).decode()
+        for side, demos in sides.items():
+            if demos:
+                file[f"mask/{side}"] = np.array(demos, "S")
+
+
+class Scale:
+    """Scales actions from their limits to [-1, 1].
+
+    Args:
+        actions: The actions of the task, with their limits.
+        taken: Actions (T, N) of the episodes; limits that one of them exceeds are widened to include it.
+    """
+
+    def __init__(self, actions: Actions, taken: list[np.ndarray]) -> None:
+        whole = np.concatenate(taken).astype(np.float64)
+        spec = actions.spec
+        self.lower = np.minimum(spec.lower, whole.min(axis=0))
+        """What becomes -1 (N,)."""
+        self.upper = np.maximum(spec.upper, whole.max(axis=0))
+        """What becomes 1 (N,)."""
+        beyond = (self.lower < spec.lower) | (self.upper > spec.upper)
+        self.widened = [name for name, wide in zip(spec.names, beyond, strict=True) if wide]
+        """Names of the numbers whose limits were widened."""
+
+    def of(self, actions: np.ndarray) -> np.ndarray:
+        """Actions (T, N), scaled."""
+        span = np.where(self.upper > self.lower, self.upper - self.lower, 1.0)
+        scaled: np.ndarray = 2.0 * (actions.astype(np.float64) - self.lower) / span - 1.0
+        return scaled.clip(-1.0, 1.0).astype(np.float32)
+
+
+def _numbers(demo: Any, names: Iterable[str], episodes: Episodes, episode: Episode, scaled: np.ndarray) -> None:
+    """Observations, those of the step after, scaled actions, commands that were sent, rewards and ends."""
+    columns = lerobot_features.columns(episodes, episode, 0, 0)
+    last = columns["next.done"].ravel()
+    for name in names:
+        values = columns[form.OBSERVED + name]
+        demo[f"obs/{robomimic_names.observed(name)}"] = values
+        demo[f"next_obs/{robomimic_names.observed(name)}"] = _after(values)
+    demo[robomimic_names.ACTIONS] = scaled
+    demo[robomimic_names.EXECUTED] = episode.executed
+    demo["rewards"] = columns["next.success"].ravel().astype(np.float64)
+    demo["dones"] = last.astype(np.int64)
+
+
+def _after(values: np.ndarray) -> np.ndarray:
+    """Values (T, ...) of the step after each; the last step has none and repeats its own."""
+    return np.concatenate([values[1:], values[-1:]])
+
+
+def _pictures(demo: Any, name: str, film: Film, label: str, steps: int) -> None:
+    """Pictures (T, H, W, 3) uint8, compressed; those of the step after are views of the same bytes."""
+    shape = (steps, film.height, film.width, 3)
+    pictures = demo.create_dataset(f"obs/{name}", shape, "uint8", chunks=(1, *shape[1:]), compression="gzip")
+    for number, frame in enumerate(film.each(label)):
+        pictures[number] = frame
+    # `create_virtual_dataset` would write the time of the day.
+    kind = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    kind.set_obj_track_times(False)
+    for first, taken, count in ((0, 1, steps - 1), (steps - 1, steps - 1, 1)):
+        if count:
+            kind.set_virtual(_rows(shape, first, count), b".", pictures.name.encode(), _rows(shape, taken, count))
+    space = h5py.h5s.create_simple(shape)
+    h5py.h5d.create(demo["next_obs"].id, name.encode(), pictures.id.get_type(), space, dcpl=kind)
+
+
+def _rows(shape: tuple[int, ...], first: int, count: int) -> Any:
+    """The part of an array of this shape from row `first` on."""
+    space = h5py.h5s.create_simple(shape)
+    space.select_hyperslab((first, *[0] * (len(shape) - 1)), (count, *shape[1:]))
+    return space
+
+
+def _about(demo: Any, label: str, episode: Episode, words: str) -> None:
+    """Attributes of one demonstration: its length, its words, and its start."""
+    start = facts.start(label, episode)
+    demo.attrs["num_samples"] = len(episode.joints)
+    demo.attrs["ep_meta"] = json.dumps({"lang": words})
+    for name, value in start.items():
+        demo.attrs[name.replace("/", "_")] = value
+
+
+def _whole(data: Any, bundle: TaskBundle, episodes: Episodes, actions: Actions, scale: Scale) -> None:
+    """Attributes of the data set."""
+    about = facts.about(bundle, episodes)
+    name = f"dxb/{bundle.task.name}-{facts.robot_type(bundle)}-v0"
+    data.attrs["env_args"] = json.dumps({"env_name": name, "type": GYM, "env_kwargs": {"action": bundle.task.action}})
+    data.attrs["total"] = sum(len(episode.joints) for episode in episodes.items.values())
+    data.attrs["action_names"] = list(actions.spec.names)
+    data.attrs["action_lower"] = scale.lower
+    data.attrs["action_upper"] = scale.upper
+    data.attrs["states"] = "MuJoCo's qpos of the task's model; in world frame, metres and radians, quaternions w x y z"
+    data.attrs["dextera"] = facts.document(about).decode()

@@ -1,0 +1,33 @@
+"""demonstrate.robomimic without episodes: a file with HDF5's signature."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dextera_build.artifacts.core import trees
+from dextera_build.artifacts.tasks.episode import Episodes, Film
+from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.rule import Backend, Context, Options
+
+from . import robomimic_names
+
+if TYPE_CHECKING:
+    from .robomimic import RobomimicOptions
+
+BACKEND = Backend(summary="an empty file", profiles=("stub",))
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+
+
+def write(
+    ctx: Context,
+    bundle: TaskBundle,
+    episodes: Episodes,
+    film: Film | None,
+    view: View | None,
+    out: Path,
+    common: RobomimicOptions,
+    options: Options,
+) -> None:
+    """Write the signature."""
+    trees.write({robomimic_names.FILE: SIGNATURE}, out)

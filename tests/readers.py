@@ -1,0 +1,37 @@
+"""Loaders of other projects, each in the environment that `make readers` makes for it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ENVIRONMENTS = Path(__file__).parent.parent / ".venv" / "readers"
+
+
+def run(name: str, *arguments: str | Path) -> str:
+    """What the Python of environment `name` prints with these arguments; the test is skipped if there is none."""
+    home = ENVIRONMENTS / name
+    if not (home / ".installed").exists():
+        pytest.skip(f"needs .venv/readers/{name}; `make readers` makes it")
+    kept = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+    quiet = {"HF_HUB_OFFLINE": "1", "HF_HOME": str(home / "home"), "TF_CPP_MIN_LOG_LEVEL": "2"}
+    command = [str(home / "bin" / "python"), *map(str, arguments)]
+    done = subprocess.run(command, env=kept | quiet, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+    return done.stdout
+
+
+def read(name: str, script: str, data: Path, out: Path) -> dict[str, np.ndarray]:
+    """The arrays that `script`, beside the tests of the rules, finds in `data` in environment `name`."""
+    run(name, Path(__file__).parent / "rules" / "demonstrate" / script, data, out)
+    return dict(np.load(out))
+
+
+def psnr(seen: np.ndarray, expected: np.ndarray) -> float:
+    """Peak signal to noise [dB] of pictures (..., 3, H, W) in 0..1 against (..., H, W, 3) uint8."""
+    error = np.moveaxis(seen, -3, -1) - expected / 255.0
+    return float(-10 * np.log10(np.mean(error**2)))
