@@ -179,6 +179,7 @@ def gathered(
         displacement_names=here.displacement,
         tip_names=bundle.robot.tips,
         limb_names=bundle.robot.limb_names,
+        world=bundle.kind,
         terms={term.term: term for term in terms},
     )
 
