@@ -67,7 +67,7 @@ def episodes(
     *,
     options: EpisodesOptions | None = None,
 ) -> Episodes:
-    """Return the shard's episodes in a cell, in the robot's base frame [m, rad], and failed attempts with their reasons.
+    """Return the shard's episodes in a cell, in the robot's base frame [m, rad], and failed attempts with reasons.
 
     At every start the cell's tracker measures the objects, `sources` are adapted to them in the twin (Eq. 4, without
     noise) until a rehearsal succeeds, and its joint targets pass the cell's guard. Joints are recorded from encoders,

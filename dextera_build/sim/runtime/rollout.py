@@ -79,9 +79,7 @@ def begin(environment: Environment, start: Start, cell: SimulatedCell | None) ->
     return ""
 
 
-def through_cell(
-    environment: Environment, cell: SimulatedCell, rehearsal: Episode, linger_s: float = 1.0
-) -> Episode:
+def through_cell(environment: Environment, cell: SimulatedCell, rehearsal: Episode, linger_s: float = 1.0) -> Episode:
     """Send the joint targets of a rehearsal through a cell, and record the episode as hardware gives it.
 
     Observations are the cell's measurements, and nothing is recorded that only a simulator knows; success is that of

@@ -18,9 +18,7 @@ from pathlib import Path
 
 import psutil
 
-PHASES = ("write", "read", "export", "lerobot")
-BATCH = 32
-"""Frames per batch and camera."""
+PHASES = ("write", "read", "unpack", "sample", "export", "lerobot")
 READER = Path(__file__).with_name("lerobot_read.py")
 SAMPLES_S = 0.1
 """Time between two looks at the memory of a step [s]."""
@@ -63,12 +61,14 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=300)
     parser.add_argument("--size", type=int, nargs=2, default=(640, 480))
     parser.add_argument("--batches", type=int, default=20)
+    parser.add_argument("--batch", type=int, default=32, help="samples per batch, each of two cameras")
     parser.add_argument("--processes", type=int, default=2, help="how many write at a time")
     parser.add_argument("--root", type=Path, help="where to write, kept; a temporary folder otherwise")
     parser.add_argument("--phases", nargs="+", default=PHASES, help="which steps")
     parser.add_argument(
         "--reader", type=Path, help="folder with the packages of LeRobot, whose reader is then measured"
     )
+    parser.add_argument("--python", type=Path, help="interpreter of an environment with LeRobot, for the same")
     parser.add_argument("--backend", default="pyav", help="LeRobot's decoder of videos")
     parser.add_argument("--within", action="store_true", help="run the step in this process")
     args = parser.parse_args()
@@ -77,15 +77,16 @@ def main() -> None:
         return
     root = args.root or Path(tempfile.mkdtemp(prefix="data-set-"))
     root.mkdir(parents=True, exist_ok=True)
-    own = [f"--{name}={getattr(args, name)}" for name in ("episodes", "frames", "batches", "processes")]
+    own = [f"--{name}={getattr(args, name)}" for name in ("episodes", "frames", "batches", "batch", "processes")]
     own += ["--within", "--root", str(root), "--size", *map(str, args.size), "--phases"]
     try:
         for phase in args.phases:
             print(json.dumps(measured([sys.executable, "-m", "tests.benchmarks.data_set", *own, phase])), flush=True)
-        if args.reader:
-            reader = [sys.executable, str(READER), str(root / "lerobot"), str(args.batches), str(BATCH), args.backend]
-            env = os.environ | {"PYTHONPATH": str(args.reader), "HF_HUB_OFFLINE": "1", "HF_HOME": str(root / "home")}
-            print(json.dumps(measured(reader, env)), flush=True)
+        if args.reader or args.python:
+            python = [str(args.python or sys.executable), str(READER), str(root / "lerobot")]
+            env = os.environ | {"HF_HUB_OFFLINE": "1", "HF_HOME": str(root / "home")}
+            env |= {"PYTHONPATH": str(args.reader)} if args.reader else {}
+            print(json.dumps(measured([*python, str(args.batches), str(args.batch), args.backend], env)), flush=True)
     finally:
         if not args.root:
             shutil.rmtree(root)
@@ -100,9 +101,12 @@ def run(args: argparse.Namespace) -> dict[str, object]:
     if phase == "write":
         count = phases.write(args.root, args.episodes, args.frames, tuple(args.size), args.processes)
     elif phase == "read":
-        count = phases.read(args.root, args.batches, BATCH)
+        count = phases.read(args.root, args.batches, args.batch)
+    elif phase == "sample":
+        count = phases.sample(args.root, args.batches, args.batch)
     else:
-        count = {"export": phases.export, "lerobot": phases.as_lerobot}[phase](args.root)
+        whole = {"unpack": phases.unpack, "export": phases.export, "lerobot": phases.as_lerobot}
+        count = whole[phase](args.root)
     seconds = time.perf_counter() - begun
     return {"step": phase, "pictures": count, "seconds": round(seconds, 2), "pictures/s": round(count / seconds, 1)}
 
