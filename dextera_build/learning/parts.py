@@ -72,7 +72,9 @@ class Frames:
 
 
 def parts_of(
-    episodes: Episodes | Mixture, film: Film | Pixels | None, films: Collection[Film | Pixels] | None
+    episodes: Episodes | Mixture,
+    film: Film | Pixels | None = None,
+    films: Collection[Film | Pixels] | None = None,
 ) -> list[Part]:
     """The parts of the input of a learner.
 
