@@ -100,21 +100,26 @@ def unpack(root: Path) -> int:
     return sum(_lengths(joints)) * len(CAMERAS)
 
 
-def sample(root: Path, batches: int, batch: int) -> int:
-    """Read random batches of unpacked frames of both cameras with their joint states, as learners do; their number."""
-    store = Store(root / "store")
-    digests = json.loads((root / "pixels.json").read_text())
-    pixels = {camera: Pixels.decode(digests[camera], store.reader) for camera in CAMERAS}
-    _, joints = opened(root)
-    states = np.concatenate([joints.items[label].positions for label in joints.items])
-    frames = {camera: Frames([found.episodes[label] for label in joints.items]) for camera, found in pixels.items()}
-    random, count = np.random.default_rng(1), 0
-    for _ in range(batches):
-        rows = random.integers(len(states), size=batch)
-        pictures = np.stack([found.at(rows) for found in frames.values()])
-        assert states[rows].shape == (batch, JOINTS)
-        count += pictures.shape[0] * pictures.shape[1]
-    return count
+class Sampler:
+    """Reads random batches of unpacked frames of both cameras with their joint states, as learners do."""
+
+    def __init__(self, root: Path) -> None:
+        store = Store(root / "store")
+        digests = json.loads((root / "pixels.json").read_text())
+        _, joints = opened(root)
+        self._states = np.concatenate([found.positions for found in joints.items.values()])
+        pixels = [Pixels.decode(digests[camera], store.reader) for camera in CAMERAS]
+        self._frames = [Frames([found.episodes[label] for label in joints.items]) for found in pixels]
+
+    def read(self, batches: int, batch: int) -> int:
+        """Read batches; return the number of pictures."""
+        random, count = np.random.default_rng(1), 0
+        for _ in range(batches):
+            rows = random.integers(len(self._states), size=batch)
+            pictures = np.stack([found.at(rows) for found in self._frames])
+            assert self._states[rows].shape == (batch, JOINTS)
+            count += pictures.shape[0] * pictures.shape[1]
+        return count
 
 
 def export(root: Path) -> int:
