@@ -39,7 +39,9 @@ def test_starts_are_dots_on_a_map_and_actions_curves(runner):
     # The box of the lost attempt stood a metre away.
     (name, lost), *_ = found.failures.items()
     far = episodes.observed(lost, objects=lost.objects + np.float32(np.eye(7)[0]))
-    empty = episodes.episode(0, seed=9).model_copy(update={"success": False, "reason": "no start"})
+    rows = {name: getattr(lost, name)[:0] for name in ("action", "executed", "hand")}
+    empty = episodes.observed(lost, **{name: values[:0] for name, values in lost.terms.items()})
+    empty = empty.model_copy(update={"reason": "no start", **rows})
     found = found.model_copy(update={"failures": {name: far, "5": empty}, "attempts": 5})
     runner.run("benchmark.yields", episodes=Collection[Episodes](items={"demos": found}))
     (where, dots), (curves, lines) = runner.outcome.previews
