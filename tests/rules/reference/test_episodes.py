@@ -13,8 +13,8 @@ from dextera_build.artifacts.robots.cell import Cell
 from dextera_build.artifacts.robots.noise import ColourNoise, DepthNoise
 from dextera_build.artifacts.shapes.mesh import Hull
 from dextera_build.artifacts.spatial.pose import Pose
-from dextera_build.artifacts.tasks.episode import Episodes, Shard
-from dextera_build.artifacts.tasks.task import TaskBundle, WorldKind
+from dextera_build.artifacts.tasks.episode import Episodes, Film, Shard
+from dextera_build.artifacts.tasks.task import TaskBundle, View, WorldKind
 from dextera_build.errors import RuleError
 from dextera_build.geometry import transforms
 from dextera_build.policy.layout import of_episodes
@@ -95,8 +95,27 @@ def test_an_episode_holds_what_the_cell_measures_and_nothing_that_a_simulator_kn
         for target in episode.executed:
             outcome = world.step(target)
         assert outcome.success
+    first = {"items": dict([*made.items.items()][:1])}
+    film = _film(tmp_path, made.model_copy(update=first))
+    (pixels,) = (film.pixels(name) for name in film.frames)
+    assert len(pixels) == len(made.items["00020"].executed)
+    assert np.abs(pixels[-1].astype(int) - pixels[0]).max() > 30, "robot and box moved"
+    moved = made.items["00020"]
+    moved = moved.model_copy(update={"terms": {**moved.terms, "joints": moved.joints + np.float32(0.02)}})
+    with pytest.raises(RuleError, match="episode `00020` does not come out again"):
+        _film(tmp_path, made.model_copy(update={"items": {"00020": moved}}))
     names = {term.declared.name for term in of_episodes(made, ("rise",)).terms()}
     assert "contact" not in names
+
+
+def _film(folder: Path, episodes: Episodes) -> Film:
+    eye = cell().eye.matrix
+    place = factories.placed(task_bundles.WORLD_FROM_BASE @ eye, "camera")
+    view = View(camera=CAMERA, camera_pose=place)
+    made: Film = RuleRunner(folder).run(
+        "reference.film", backend="mujoco", world=bundle("reference"), episodes=episodes, view=view
+    )
+    return made
 
 
 @pytest.mark.slow
