@@ -28,7 +28,7 @@ OF_WORLDS = {
 }
 """Rules that take a world apart from those that judge: they render it, move its camera, put a robot into it, or make a
 stand-in of it."""
-RECORDS = {"reference.episodes", "reference.film"}
+RECORDS = {"reference.episodes", "demonstrate.recorded_film"}
 """Rules that run a task in a world that stands in for hardware, and return what its cell or a camera measures."""
 RECIPES = [
     *("twin/laptop_scene", "task/close_laptop", "task/lift_blue_mug", "task/lift_mustard_bottle"),

@@ -113,7 +113,7 @@ def _film(folder: Path, episodes: Episodes) -> Film:
     place = factories.placed(task_bundles.WORLD_FROM_BASE @ eye, "camera")
     view = View(camera=CAMERA, camera_pose=place)
     made: Film = RuleRunner(folder).run(
-        "reference.film", backend="mujoco", world=bundle("reference"), episodes=episodes, view=view
+        "demonstrate.recorded_film", backend="mujoco", world=bundle("reference"), episodes=episodes, view=view
     )
     return made
 

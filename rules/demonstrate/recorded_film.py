@@ -1,4 +1,4 @@
-"""reference.film: pictures of episodes that were recorded in the world that replaces hardware."""
+"""demonstrate.recorded_film: pictures of episodes that were recorded in the world that replaces hardware."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.policy.contract import check_data
 from dextera_build.rule import Context, Options, rule
 
-from ..demonstrate.film_packing import film_of
+from .film_packing import film_of
 
 
-class FilmOptions(Options):
-    """Options of reference.film."""
+class RecordedFilmOptions(Options):
+    """Options of demonstrate.recorded_film."""
 
     strip_frames: PositiveInt = 8
     """Frames in the preview of the first episode."""
@@ -25,19 +25,24 @@ class FilmOptions(Options):
     """Episodes of which a joint comes out farther from its recorded position than this are refused [rad or m]."""
 
 
-class FilmBackend(Protocol):
-    """Interface of a backend of reference.film."""
+class RecordedFilmBackend(Protocol):
+    """Interface of a backend of demonstrate.recorded_film."""
 
     def frames(
-        self, ctx: Context, world: TaskBundle, episodes: Episodes, view: View, common: FilmOptions, options: Any
+        self, ctx: Context, world: TaskBundle, episodes: Episodes, view: View, common: RecordedFilmOptions, options: Any
     ) -> Iterator[tuple[str, np.ndarray]]:
         """Index and frames (T, H, W, 3) uint8 of each episode."""
         ...
 
 
 @rule(version=1, packages=("numpy",), runs={"world": "primitive"})
-def film(
-    ctx: Context[FilmBackend], world: TaskBundle, episodes: Episodes, view: View, *, options: FilmOptions | None = None
+def recorded_film(
+    ctx: Context[RecordedFilmBackend],
+    world: TaskBundle,
+    episodes: Episodes,
+    view: View,
+    *,
+    options: RecordedFilmOptions | None = None,
 ) -> Film:
     """Return one frame (H, W, 3) uint8 sRGB per step of the kept episodes of `reference.episodes`, seen through `view`.
 
@@ -47,7 +52,7 @@ def film(
     Raises:
         RuleError: The episodes are of another world, or a joint comes out otherwise.
     """
-    options = options or FilmOptions()
+    options = options or RecordedFilmOptions()
     check_data(world, episodes)
     ctx.check(
         episodes.world == world.kind,

@@ -1,4 +1,4 @@
-"""reference.film simulated and rendered by MuJoCo."""
+"""demonstrate.recorded_film simulated and rendered by MuJoCo."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.rollout import Look
 
 if TYPE_CHECKING:
-    from .film import FilmOptions
+    from .recorded_film import RecordedFilmOptions
 
 BACKEND = Backend(summary="MuJoCo through EGL", profiles=("cpu",), packages=("mujoco",), extra="twin")
 
 
 def frames(
-    ctx: Context, world: TaskBundle, episodes: Episodes, view: View, common: FilmOptions, options: Options
+    ctx: Context, world: TaskBundle, episodes: Episodes, view: View, common: RecordedFilmOptions, options: Options
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Index and frames (T, H, W, 3) uint8 of each episode."""
     environment = Environment(world)

@@ -1,4 +1,4 @@
-"""reference.film without rendering."""
+"""demonstrate.recorded_film without rendering."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.rule import Backend, Context, Options
 
 if TYPE_CHECKING:
-    from .film import FilmOptions
+    from .recorded_film import RecordedFilmOptions
 
 BACKEND = Backend(summary="no rendering: grey frames", profiles=("stub",))
 
 
 def frames(
-    ctx: Context, world: TaskBundle, episodes: Episodes, view: View, common: FilmOptions, options: Options
+    ctx: Context, world: TaskBundle, episodes: Episodes, view: View, common: RecordedFilmOptions, options: Options
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Index and frames (T, H, W, 3) uint8 of each episode."""
     for index, episode in episodes.items.items():
