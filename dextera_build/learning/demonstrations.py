@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from dextera_build import digest
-from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.policy import Channel, PolicyContract
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError
+from dextera_build.learning.parts import Frames, Part, check
 from dextera_build.policy import contract as contracts
 from dextera_build.policy import features, normalisation
-from dextera_build.policy.layout import Layout, of_bundle, of_episodes
+from dextera_build.policy.layout import WORLD, Layout, of_bundle, of_episodes, world_flag
 
 Settings = Mapping[str, float | int | str | bool]
 
@@ -50,31 +50,26 @@ class Demonstrations:
     """Training episodes."""
     held_out: tuple[str, ...]
     """Validation episodes."""
-    train_rows: np.ndarray
-    """Rows of the training episodes, (n,) int64."""
+    train_rows: tuple[np.ndarray, ...]
+    """Rows of the training episodes of each part, (n,) int64."""
+    weights: tuple[int, ...]
+    """Samples of each part in a batch, relative to the others."""
     held_out_rows: np.ndarray
     """Rows of the validation episodes, (m,) int64."""
-    frames: np.ndarray | None
-    """Pictures (N, H, W, 3) uint8, or None."""
+    frames: Frames | None
+    """Pictures of all rows, or None."""
     places: np.ndarray | None
     """Normalised pose and joints of the task's object, (N, P) float32; None without images."""
 
 
 def prepare(
-    bundle: TaskBundle,
-    episodes: Episodes,
-    film: Film | None,
-    selection: Selection,
-    *,
-    algorithm: str,
-    settings: Settings,
+    bundle: TaskBundle, parts: Sequence[Part], selection: Selection, *, algorithm: str, settings: Settings
 ) -> Demonstrations:
-    """Check and normalise the data; the normalisation comes only from the training episodes.
+    """Check and normalise the data; the normalisation comes only from the training episodes, weighted as batches are.
 
     Args:
         bundle: The task.
-        episodes: Its demonstrations.
-        film: Their pictures, for the input `rgb`.
+        parts: Its demonstrations, and their pictures for the input `rgb`.
         selection: Inputs to learn from.
         algorithm: Name of the algorithm, for the contract.
         settings: Settings that the algorithm needs to run the policy, for the contract.
@@ -82,28 +77,32 @@ def prepare(
     Raises:
         RuleError: The data do not fit the task or the selection.
     """
-    contracts.check_data(bundle, episodes)
-    _check(episodes, film, selection)
-    layout = of_episodes(episodes, of_bundle(bundle).goal, film)
-    train, held_out = split(tuple(episodes.items), selection.held_out, selection.seed)
-    lengths = [len(episode.action) for episode in episodes.items.values()]
-    chosen = np.repeat([name in train for name in episodes.items], lengths)
-    recorded = [features.recorded(episode) for episode in episodes.items.values()]
+    check(bundle, parts, pictures="rgb" in selection.inputs)
+    first = parts[0]
+    layout = of_episodes(first.episodes, of_bundle(bundle).goal, first.film)
+    rows, train, held_out = _split(parts, selection)
+    every = [episode for part in parts for episode in part.episodes.items.values()]
+    recorded = [
+        features.recorded(episode) | {WORLD: np.tile(world_flag(part.episodes.world), (len(episode.action), 1))}
+        for part in parts
+        for episode in part.episodes.items.values()
+    ]
     fields = {name: np.concatenate([part[name] for part in recorded]) for name in recorded[0]}
-    actions = np.concatenate([episode.action for episode in episodes.items.values()])
-    channels = _fitted(_channels(bundle, layout, selection), layout, fields, chosen)
-    action = Channel(name="action", shape=(actions.shape[1],), names=episodes.joint_names)
-    action = normalisation.fitted(action, [actions[chosen]])
-    rows = np.arange(len(actions))
+    actions = np.concatenate([episode.action for episode in every])
+    mix = _Mix(tuple(rows), tuple(part.weight for part in parts))
+    channels = _fitted(_channels(bundle, layout, selection, parts), layout, fields, mix)
+    action = Channel(name="action", shape=(actions.shape[1],), names=first.episodes.joint_names)
+    action = mix.fitted(action, actions)
+    lengths = [len(episode.action) for episode in every]
     return Demonstrations(
         contract=PolicyContract(
             algorithm=algorithm,
-            task=episodes.task,
-            embodiment=episodes.embodiment,
+            task=first.episodes.task,
+            embodiment=first.episodes.embodiment,
             inputs=channels,
             action=action,
-            rate_hz=episodes.rate_hz,
-            dataset=_digest(episodes, film),
+            rate_hz=first.episodes.rate_hz,
+            dataset=_digest(parts),
             settings=dict(settings),
         ),
         inputs=features.Reader(channels, layout).read(fields),
@@ -111,11 +110,38 @@ def prepare(
         last=np.repeat(np.cumsum(lengths) - 1, lengths),
         train=train,
         held_out=held_out,
-        train_rows=rows[chosen],
-        held_out_rows=rows[~chosen],
-        frames=np.concatenate([film.pixels(name) for name in episodes.items]) if film else None,
-        places=_places(bundle, layout, fields, chosen) if film else None,
+        train_rows=mix.rows,
+        weights=mix.weights,
+        held_out_rows=np.setdiff1d(np.arange(len(actions)), np.concatenate(mix.rows)),
+        frames=Frames([each for part in parts for each in part.pixels()]) if first.film else None,
+        places=_places(bundle, layout, fields, mix) if first.film else None,
     )
+
+
+@dataclass(frozen=True)
+class _Mix:
+    """Rows of the training episodes of each part, and the parts' weights."""
+
+    rows: tuple[np.ndarray, ...]
+    weights: tuple[int, ...]
+
+    def fitted(self, channel: Channel, samples: np.ndarray) -> Channel:
+        """The channel with the normalisation of its samples (N, ...), weighted as batches are."""
+        return normalisation.fitted(channel, [samples[rows] for rows in self.rows], self.weights)
+
+
+def _split(parts: Sequence[Part], selection: Selection) -> tuple[list[np.ndarray], tuple[str, ...], tuple[str, ...]]:
+    """Rows of the training episodes of each part, and the names of the training and held out episodes."""
+    rows, train, held_out, begun = list[np.ndarray](), list[str](), list[str](), 0
+    for part in parts:
+        names = tuple(part.episodes.items)
+        kept, out = split(names, selection.held_out, selection.seed)
+        chosen = np.repeat([name in kept for name in names], part.lengths)
+        rows.append(begun + np.flatnonzero(chosen))
+        begun += len(chosen)
+        train += [part.named(name) for name in kept]
+        held_out += [part.named(name) for name in out]
+    return rows, tuple(train), tuple(held_out)
 
 
 def split(names: tuple[str, ...], share: float, seed: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -128,58 +154,32 @@ def split(names: tuple[str, ...], share: float, seed: int) -> tuple[tuple[str, .
     )
 
 
-def _places(bundle: TaskBundle, layout: Layout, fields: features.Fields, chosen: np.ndarray) -> np.ndarray:
+def _places(bundle: TaskBundle, layout: Layout, fields: features.Fields, mix: _Mix) -> np.ndarray:
     """Normalised pose and joints of the task's object, (N, P)."""
     name = bundle.task.object
     pose = contracts.channel(layout, "objects", (name,))
     joints = contracts.channel(layout, "displacement", bundle.objects[name].joints)
     reader = features.Reader((pose, joints), layout)
     encoded = [(one, reader.encoded(one, fields)) for one in (pose, joints)]
-    parts = [features.normalised(normalisation.fitted(one, [part[chosen]]), part) for one, part in encoded]
+    parts = [features.normalised(mix.fitted(one, part), part) for one, part in encoded]
     return np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
 
 
-def _check(episodes: Episodes, film: Film | None, selection: Selection) -> None:
-    if not episodes.items:
-        raise RuleError(
-            "no episode succeeded, so there is nothing to learn from",
-            code="DXB-B516",
-            facts={"attempts": episodes.attempts},
-        )
-    if film is None:
-        return
-    if "rgb" not in selection.inputs:
-        raise RuleError(
-            "a film is given, but `rgb` is not among the inputs", code="DXB-B516", hint="inputs: [joints, goal, rgb]"
-        )
-    lost = [name for name in episodes.items if name not in film.frames]
-    if lost:
-        raise RuleError(
-            f"the film lacks {len(lost)} of {len(episodes.items)} episodes", code="DXB-B516", facts={"first": lost[0]}
-        )
-    for name, episode in episodes.items.items():
-        steps = len(film.pixels(name))
-        if steps != len(episode.action):
-            raise RuleError(f"episode `{name}` has {len(episode.action)} steps, but {steps} frames", code="DXB-B516")
-
-
-def _fitted(
-    channels: tuple[Channel, ...], layout: Layout, fields: features.Fields, chosen: np.ndarray
-) -> tuple[Channel, ...]:
-    """The channels with the normalisation of the chosen rows."""
+def _fitted(channels: tuple[Channel, ...], layout: Layout, fields: features.Fields, mix: _Mix) -> tuple[Channel, ...]:
+    """The channels with the normalisation of the training rows; flags and pictures have none."""
     reader = features.Reader(channels, layout)
     return tuple(
-        normalisation.fitted(one, [reader.encoded(one, fields)[chosen]]) if one.encoding != "picture" else one
+        one if one.encoding == "picture" or one.name == WORLD else mix.fitted(one, reader.encoded(one, fields))
         for one in channels
     )
 
 
-def _channels(bundle: TaskBundle, layout: Layout, selection: Selection) -> tuple[Channel, ...]:
-    only: dict[str, tuple[str, ...]] = {}
+def _channels(bundle: TaskBundle, layout: Layout, selection: Selection, parts: Sequence[Part]) -> tuple[Channel, ...]:
+    only: dict[str, tuple[str, ...]] = {WORLD: tuple(dict.fromkeys(part.episodes.world for part in parts))}
     if selection.objects == "task":
         name = bundle.task.object
-        only = {"objects": (name,), "displacement": bundle.objects[name].joints}
-    rows = {name: term.rows for name in selection.inputs if (term := layout.channel(name))}
+        only |= {"objects": (name,), "displacement": bundle.objects[name].joints}
+    rows = {name: term.rows for name in selection.inputs if (term := layout.channel(name))} | {WORLD: WORLD}
     known = [name for name in contracts.CHANNELS if name in selection.inputs]
     added = [name for name in selection.inputs if name not in known]
     made = [contracts.channel(layout, name, only.get(rows.get(name, ""))) for name in (*known, *added)]
@@ -191,6 +191,8 @@ def _channels(bundle: TaskBundle, layout: Layout, selection: Selection) -> tuple
     return found
 
 
-def _digest(episodes: Episodes, film: Film | None) -> str:
-    """The digest of the data set."""
-    return digest.of_value([episodes.encode(digest.of_bytes), film.encode(digest.of_bytes) if film else None])
+def _digest(parts: Sequence[Part]) -> str:
+    """The digest of the data set, and of the weights of a mixture."""
+    if len(parts) == 1:
+        return parts[0].digest()
+    return digest.of_value([[part.label, part.weight, part.digest()] for part in parts])

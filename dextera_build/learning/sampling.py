@@ -1,10 +1,12 @@
-"""Sampling of batches: shuffled, and balanced over two domains.
+"""Sampling of batches: shuffled, and with a fixed number of samples of every part of a mixture.
 
-Shuffling 300 simulated and 30 recorded trajectories together would draw ten of one per one of the other. Here every
-batch contains equally many of each.
+Shuffling 300 simulated and 30 recorded trajectories together would draw ten of one per one of the other. Here a mixture
+of 1 : 1 has equally many of each in every batch.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -53,45 +55,49 @@ class Deck:
         return order
 
 
-class Balanced:
-    """Batches with equally many samples of two domains.
+class Mixed:
+    """Batches with a fixed number of samples of every part of a mixture.
 
-    An epoch is one pass over the smaller domain, each sample once; the larger domain continues from the previous
-    epoch.
+    An epoch is one pass over the part that is used up first, each of its samples once; the others continue from the
+    previous epoch.
 
     Args:
-        first: Number of samples of the first domain.
-        second: Number of samples of the second domain.
-        batch: Samples per batch, an even number.
+        sizes: Number of samples of each part.
+        weights: Relative number of samples of each part in a batch.
+        batch: Samples per batch, a multiple of the sum of the weights.
         seed: Seed of the order.
 
     Raises:
-        RuleError: `batch` is odd, or half of it exceeds a domain.
+        RuleError: `batch` is no such multiple, or a part has fewer samples than a batch needs of it.
     """
 
-    def __init__(self, first: int, second: int, batch: int, seed: int) -> None:
-        if batch % 2:
+    def __init__(self, sizes: Sequence[int], weights: Sequence[int], batch: int, seed: int) -> None:
+        whole, shares = sum(weights), " : ".join(map(str, weights))
+        if batch % whole:
             raise RuleError(
-                f"a batch of {batch} cannot hold as many samples of one domain as of the other",
+                f"a batch of {batch} cannot be divided {shares} between the parts of a mixture",
                 code="DXB-B507",
-                hint=f"use {batch + 1}",
+                hint=f"use {batch + whole - batch % whole}",
             )
-        self.half = batch // 2
-        if self.half > min(first, second):
-            raise RuleError(
-                f"half a batch is {self.half}, but a domain has {min(first, second)} samples",
-                code="DXB-B508",
-                facts={"first domain": first, "second domain": second},
-                hint=f"use batches of {2 * min(first, second)} or smaller",
-            )
-        self.epoch = -(-min(first, second) // self.half)
+        self.counts = tuple(batch * weight // whole for weight in weights)
+        """Samples of each part in a batch."""
+        for size, count in zip(sizes, self.counts, strict=True):
+            if count > size:
+                most = min(size // weight for size, weight in zip(sizes, weights, strict=True)) * whole
+                raise RuleError(
+                    f"a batch needs {count} samples of a part of the mixture that has {size}",
+                    code="DXB-B508",
+                    facts={"parts": ", ".join(map(str, sizes)), "weights": shares},
+                    hint=f"use batches of {most} or smaller",
+                )
+        self.epoch = min(-(-size // count) for size, count in zip(sizes, self.counts, strict=True))
         """Batches per epoch."""
-        self._decks = Deck(first, seed, 0), Deck(second, seed, 1)
+        # 0 and 1 are the seeds of initial weights and of the split.
+        self._decks = [Deck(size, seed, 2 + number) for number, size in enumerate(sizes)]
 
-    def draw(self) -> tuple[np.ndarray, np.ndarray]:
-        """The next batch: samples of the first domain and samples of the second, int64 (batch / 2,) each."""
-        first, second = self._decks
-        return first.draw(self.half), second.draw(self.half)
+    def draw(self) -> list[np.ndarray]:
+        """The next batch: the samples of each part, int64."""
+        return [deck.draw(count) for deck, count in zip(self._decks, self.counts, strict=True)]
 
 
 def _remaining(fresh: np.ndarray, late: np.ndarray, taken: int) -> np.ndarray:

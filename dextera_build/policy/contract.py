@@ -11,11 +11,11 @@ from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.errors import RuleError, listing
 from dextera_build.policy.declared import BY_NAME, DECLARED, HIDDEN, POSE
-from dextera_build.policy.layout import Layout, of_bundle, of_episodes
+from dextera_build.policy.layout import WORLD, Layout, of_bundle, of_episodes
 
 VECTORS = tuple(term.name for term in DECLARED if term.is_vector)
 """Vector channels of dxb, in the order of the networks' inputs."""
-CHANNELS = (*VECTORS, "rgb")
+CHANNELS = (*VECTORS, WORLD, "rgb")
 """All channels of dxb that a policy may use, none of them privileged."""
 MISSPELLED = 0.8
 """Similarity of an unknown name to a channel of dxb, 0..1, above which it counts as a misspelling."""
@@ -78,7 +78,7 @@ def channel(layout: Layout, name: str, only: tuple[str, ...] | None = None) -> C
 
 def offered(layout: Layout) -> tuple[str, ...]:
     """Names of the channels that `layout` provides."""
-    return (*VECTORS, *(term.name for term in layout.added), *(("rgb",) if layout.picture else ()))
+    return (*VECTORS, WORLD, *(term.name for term in layout.added), *(("rgb",) if layout.picture else ()))
 
 
 def _parts(layout: Layout, name: str) -> tuple[int, ...]:
@@ -148,6 +148,9 @@ def differences(contract: PolicyContract, here: Layout) -> dict[str, str]:
     for wanted in contract.inputs:
         if wanted.name == "rgb":
             _compare_view(found, wanted, here)
+        elif wanted.name == WORLD:
+            if here.world not in wanted.names:
+                found["another world"] = f"the policy knows {listing(wanted.names)}, the bundle is {here.world}"
         else:
             _compare_channel(found, wanted, here)
     return found

@@ -4,16 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import get_args
+
+import numpy as np
 
 from dextera_build import digest
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.tasks.episode import Episode, Episodes, Film
-from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.artifacts.tasks.pixels import Pixels
+from dextera_build.artifacts.tasks.task import TaskBundle, View, WorldKind
 from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.errors import RuleError, listing
 from dextera_build.policy.declared import BY_NAME, DECLARED
 from dextera_build.policy.terms import EXACT, Declared, Sensor, Term, added
+
+WORLD = "world"
+"""Channel that tells a policy the kind of its world, for training on several at once: one of `WORLDS` is 1."""
+WORLDS: tuple[WorldKind, ...] = get_args(WorldKind)
+"""Components of `WORLD`."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +53,13 @@ class Layout:
     """Number of points on the surface of the task's object."""
     added: tuple[Declared, ...] = ()
     """Terms that do not come with dxb."""
+    world: WorldKind = "twin"
+    """Kind of the world."""
 
     def names(self, channel: str) -> tuple[str, ...] | None:
         """Names of the rows of a channel of numbers that policies may see, or None for another channel."""
+        if channel == WORLD:
+            return WORLDS
         declared = self.channel(channel)
         return None if declared is None else self._rows(declared)
 
@@ -130,10 +143,11 @@ def of_bundle(
         limbs=bundle.robot.limb_names,
         points=points.get(task.object, 0),
         added=_added(terms),
+        world=bundle.kind,
     )
 
 
-def of_episodes(episodes: Episodes, goal: tuple[str, ...], film: Film | None = None) -> Layout:
+def of_episodes(episodes: Episodes, goal: tuple[str, ...], film: Film | Pixels | None = None) -> Layout:
     """The layout of a data set; only the task has the components of its goal, `goal`."""
     return Layout(
         task=episodes.task,
@@ -147,7 +161,13 @@ def of_episodes(episodes: Episodes, goal: tuple[str, ...], film: Film | None = N
         tips=episodes.tip_names,
         limbs=episodes.limb_names,
         added=_added(episodes.terms.values()),
+        world=episodes.world,
     )
+
+
+def world_flag(world: WorldKind) -> np.ndarray:
+    """The value (W,) float32 of channel `WORLD` in a world."""
+    return np.array([float(name == world) for name in WORLDS], np.float32)
 
 
 def gathered(
@@ -179,6 +199,7 @@ def gathered(
         displacement_names=here.displacement,
         tip_names=bundle.robot.tips,
         limb_names=bundle.robot.limb_names,
+        world=bundle.kind,
         terms={term.term: term for term in terms},
     )
 

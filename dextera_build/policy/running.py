@@ -11,7 +11,7 @@ from dextera_build.artifacts.tasks.policy import Checkpoint, PolicyContract
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.policy.features import Fields, Reader, observed
-from dextera_build.policy.layout import Layout
+from dextera_build.policy.layout import WORLD, Layout, world_flag
 from dextera_build.policy.observation import DeployableObservation
 
 Predict = Callable[[Fields], np.ndarray]
@@ -79,6 +79,7 @@ class Policy:
     def __init__(self, contract: PolicyContract, layout: Layout, predict: Predict, limits: np.ndarray) -> None:
         self.contract = contract
         self._reader = Reader(contract.inputs, layout)
+        self._world = world_flag(layout.world)[None]
         self._predict = predict
         self._limits = limits
         self._sees = any(channel.encoding == "picture" for channel in contract.inputs)
@@ -103,7 +104,7 @@ class Policy:
         return np.asarray(np.clip(targets, self._limits[:, 0], self._limits[:, 1]))
 
     def _inputs(self, observation: DeployableObservation) -> Fields:
-        fields = observed(observation)
+        fields = observed(observation) | {WORLD: self._world}
         inputs = self._reader.read(fields)
         bad = [name for name, samples in inputs.items() if not np.isfinite(samples).all()]
         if bad:

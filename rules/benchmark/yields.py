@@ -11,6 +11,8 @@ from dextera_build.artifacts.tasks.reasons import spelled
 from dextera_build.rule import Context, Options, rule
 from dextera_build.statistics import Rate
 
+from .set_pictures import actions, starts
+
 
 class YieldsOptions(Options):
     """Options of benchmark.yields."""
@@ -19,9 +21,12 @@ class YieldsOptions(Options):
     """Maximum number of reasons listed, most frequent first."""
 
 
-@rule(version=1, packages=("numpy",))
+@rule(version=2, packages=("numpy", "pillow"))
 def yields(ctx: Context, episodes: Collection[Episodes], *, options: YieldsOptions) -> Table:
-    """Return one row per data set: attempts, yield [%] with 95 % Wilson interval, length [s], failure reasons."""
+    """Return one row per data set: attempts, yield [%] with 95 % Wilson interval, length [s], failure reasons.
+
+    The report has, for every set, a map of the starts and curves of the actions.
+    """
     ctx.check(bool(episodes.items), "there are no episodes", hint="give the outputs of `demonstrate.gather`")
     rows: list[tuple[Cell, ...]] = []
     total = Rate(0, 0)
@@ -35,12 +40,13 @@ def yields(ctx: Context, episodes: Collection[Episodes], *, options: YieldsOptio
         rate = Rate(len(part.items), part.attempts)
         total = Rate(total.successes + rate.successes, total.trials + rate.trials)
         rows.append(_row(label, part, rate, options.reasons))
+        _show(ctx, label, part)
     ctx.metric("yield", 100 * total.value, "%")
     ctx.say(f"{total.successes:,} episodes from {total.trials:,} attempts ({100 * total.value:.0f} %)")
     return Table(
         title="Yield of demonstrations",
         columns=(
-            *(Column(name=name) for name in ("episodes", "task", "actor", "attempts", "successes")),
+            *(Column(name=name) for name in ("episodes", "task", "world", "actor", "attempts", "successes")),
             Column(name="yield", unit="%", digits=1, better="higher"),
             Column(name="low", unit="%", digits=1),
             Column(name="high", unit="%", digits=1),
@@ -64,4 +70,13 @@ def _row(label: str, part: Episodes, rate: Rate, most: int) -> tuple[Cell, ...]:
     reasons = part.reasons | ({"not kept": lost} if lost > 0 else {})
     percent = [100 * number for number in (rate.value, low, high)]
     sorted_out = spelled(reasons, most) or None
-    return (label, part.task, ", ".join(actors), rate.trials, rate.successes, *percent, length, sorted_out)
+    return (label, part.task, part.world, ", ".join(actors), rate.trials, rate.successes, *percent, length, sorted_out)
+
+
+def _show(ctx: Context, label: str, part: Episodes) -> None:
+    if begun := starts(part):
+        name, picture = begun
+        ctx.preview(picture, f"{label}: starts of {name} in the base, kept (blue) and discarded (orange)")
+    if sent := actions(part):
+        names, picture = sent
+        ctx.preview(picture, f"{label}: targets of {', '.join(names)}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,7 +12,7 @@ from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.rule import Context, Options, rule
 
-from .film_strip import strip
+from .film_packing import film_of
 
 SMOOTH = 4
 """Samples per pixel of films for human viewers."""
@@ -49,28 +48,8 @@ def film(
     Recorded states are rendered without simulation; frame t is the scene before action t.
     """
     chosen, view = _chosen(episodes, options.first), _sized(view, options.width_px)
-    camera = view.camera
-    packed: dict[str, Path] = {}
-    count = 0
     taken: Iterator[tuple[str, np.ndarray]] = ctx.backend.frames(ctx, bundle, chosen, view, ctx.backend_options)
-    for index, pixels in taken:
-        expected = (len(episodes.items[index].joints), camera.height, camera.width, 3)
-        ctx.check(pixels.shape == expected, "an episode has another number of frames than steps", episode=index)
-        if not packed:
-            failed = f", failed: {reason}" if (reason := episodes.items[index].reason) else ""
-            ctx.preview(strip(pixels, options.strip_frames), f"{episodes.task}, episode {index}{failed}")
-        packed[index] = ctx.scratch / f"{len(packed)}.packed"
-        packed[index].write_bytes(Film.packed(pixels))
-        count += len(pixels)
-        ctx.progress(len(packed), len(chosen.items), "episodes")
-    ctx.check(packed.keys() == chosen.items.keys(), "an episode has no frames")
-    megabytes = sum(path.stat().st_size for path in packed.values()) / 1e6
-    ctx.metric("size", megabytes, "MB")
-    plural = "" if len(packed) == 1 else "s"
-    ctx.say(
-        f"{len(packed)} episode{plural}, {count:,} frames of {camera.width} x {camera.height} px, {megabytes:.1f} MB"
-    )
-    return Film.of(packed, camera.width, camera.height)
+    return film_of(ctx, chosen, view.camera, taken, options.strip_frames)
 
 
 def _chosen(episodes: Episodes, first: int | None) -> Episodes:

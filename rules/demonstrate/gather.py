@@ -7,7 +7,7 @@ from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.rule import Context, rule
 
 NAMES = ("joint_names", "object_names", "displacement_names", "tip_names", "limb_names")
-SAME = ("task", "embodiment", "rate_hz", *NAMES, "terms")
+SAME = ("task", "embodiment", "rate_hz", "world", *NAMES, "terms")
 """Fields that must be equal in all shards."""
 
 

@@ -46,6 +46,24 @@ def test_every_pair_of_the_paper_has_a_recipe_and_a_row_in_the_benchmark() -> No
     assert nodes["elsewhere"]["tables"] == {name: f"${name}.elsewhere" for name in pairs}
 
 
+def test_every_pair_of_the_paper_has_a_data_set_of_both_worlds() -> None:
+    found = sorted(path for arm in ("ob", "kl") for path in (ROOT / "recipes" / "dataset" / arm).glob("*.yaml"))
+    pairs = {path.parent.name + "/" + path.stem: read(path)["nodes"]["pair"]["recipe"] for path in found}
+    nodes = read(ROOT / "recipes" / "benchmark" / "tasks.yaml")["nodes"]
+    assert pairs == {nodes[name]["recipe"].removeprefix("task/"): nodes[name]["recipe"] for name in evaluated(nodes)}
+    whole = read(ROOT / "recipes" / "dataset" / "all.yaml")["nodes"]
+    assert {whole[name]["recipe"] for name in evaluated(nodes)} == {f"dataset/{pair}" for pair in pairs}
+    assert whole["twin"]["episodes"] == {name: f"${name}.pair.episodes" for name in evaluated(nodes)}
+    assert whole["reference"]["episodes"] == {name: f"${name}.data.recorded" for name in evaluated(nodes)}
+    shared = read(ROOT / "recipes" / "task" / "shown.yaml")["nodes"], read(ROOT / "recipes/dataset/pair.yaml")["nodes"]
+    assert [len(pairs) * nodes["shards"]["episodes"] for nodes in shared] == [3900, 390]
+    assert shared[0]["sources"]["episodes"] == 10
+
+
+def evaluated(nodes: dict) -> list[str]:
+    return list(nodes["evaluated"]["tables"])
+
+
 @pytest.mark.parametrize("folder", ["dextera_build/sim", "rules/demonstrate", "rules/simulate", "rules/evaluate"])
 def test_no_code_knows_a_task_or_its_object(folder: str) -> None:
     tasks = [read(path)["nodes"]["task"] for path in TASKS]

@@ -34,7 +34,7 @@ class Cell(Artifact):
     """A simulated measurement setup like that of hardware: one RGB-D camera, and a tracker of the assets.
 
     Every field except `eye` is available to the cell; only the renderer of the camera may read `eye`. Therefore only
-    `evaluate.*` uses a cell.
+    `evaluate.*` and `reference.episodes`, which records what a cell measures, use one.
     """
 
     assets: dict[str, Asset]

@@ -16,6 +16,7 @@ from dextera_build.artifacts.core.content import Content, Get, OnDisk, Stored
 from dextera_build.artifacts.core.identity import check
 from dextera_build.artifacts.core.lazy import contents
 from dextera_build.artifacts.tasks.reasons import tally
+from dextera_build.artifacts.tasks.task import WorldKind
 from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.artifacts.tasks.variation import EXACT, Twist, Variation
 from dextera_build.errors import ArtifactError
@@ -150,6 +151,8 @@ class Episodes(Artifact):
     """Fingertips of `Episode.contact`."""
     limb_names: tuple[str, ...]
     """Limbs of `Episode.hand`."""
+    world: WorldKind = "twin"
+    """Kind of world that they were recorded in: their domain, for training on several at once."""
     terms: dict[str, TermSpec] = Field(default_factory=dict)
     """Name of a term in `Episode.terms` that does not come with dxb -> its declaration."""
 

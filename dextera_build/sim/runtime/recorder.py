@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from dextera_build.artifacts.tasks.episode import Episode, Origin, Segment
 from dextera_build.policy.declared import BY_NAME, DECLARED
 from dextera_build.policy.layout import of_bundle
+from dextera_build.policy.observation import DeployableObservation
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.privileged import MEASURES, Simulated
 
@@ -23,13 +25,16 @@ class Recorder:
 
     Args:
         environment: An environment at the start of its episode.
+        measured: Record only what a cell measures, which `before` is given: nothing that only a simulator knows.
     """
 
-    def __init__(self, environment: Environment) -> None:
+    def __init__(self, environment: Environment, *, measured: bool = False) -> None:
         self._environment = environment
         layout = of_bundle(environment.bundle, terms=environment.specs)
+        layout = replace(layout, tips=()) if measured else layout
         self._terms = [term for term in (*DECLARED, *layout.added) if term.recorded]
         self._hidden = {term.name: MEASURES[term.name] for term in self._terms if term.seen_by == "critics"}
+        self._measured = measured
         self._simulated = Simulated([environment])
         fields = (*self._terms, *(BY_NAME[name] for name in COMMANDED))
         self._shapes = {term.name: layout.shape(term) for term in fields}
@@ -38,15 +43,22 @@ class Recorder:
     def __len__(self) -> int:
         return len(self._rows["executed"])
 
-    def before(self, action: np.ndarray, hand: np.ndarray | None = None) -> None:
-        """Record the observation, the action (A,) [rad] taken on it, and its palm poses (L, 7) in the base."""
+    def before(
+        self, action: np.ndarray, hand: np.ndarray | None = None, seen: DeployableObservation | None = None
+    ) -> None:
+        """Record the observation, the action (A,) [rad] taken on it, and its palm poses (L, 7) in the base.
+
+        `seen` is what a cell measured; without it, the exact state is recorded.
+        """
         environment, rows = self._environment, self._rows
         rows["action"].append(np.asarray(action, np.float32))
         rows["hand"].append(environment.palm_poses() if hand is None else hand)
-        shown = environment.observe()
+        shown = environment.observe() if seen is None else seen
         for term in self._terms:
-            hidden = self._hidden.get(term.name)
-            rows[term.name].append(shown[term.name] if hidden is None else hidden(self._simulated)[0])
+            rows[term.name].append(self._hidden_value(term.name) if term.name in self._hidden else shown[term.name])
+
+    def _hidden_value(self, name: str) -> np.ndarray:
+        return np.zeros(self._shapes[name]) if self._measured else self._hidden[name](self._simulated)[0]
 
     def after(self, executed: np.ndarray) -> None:
         """Record the executed command."""

@@ -13,7 +13,7 @@ from dextera_build.policy.observation import Measurement
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.reconstruction import Tracker, reconstruct
 from dextera_build.sim.runtime.recorder import Recorder
-from dextera_build.sim.runtime.rollout import SimulatedCell, begin, open_loop
+from dextera_build.sim.runtime.rollout import SimulatedCell, begin, open_loop, through_cell
 from dextera_build.sim.runtime.seeds import seed_of
 
 Synthesise = Callable[[Start, int], Episode]
@@ -45,6 +45,7 @@ class Replay:
         tracker: Errors that are added to the measured poses of objects.
         cell: Measures `world` instead of the simulator.
         linger_s: Time to hold the last target after the trajectory [s].
+        records: Whether targets pass the cell's guard, too, and the episode is that of `through_cell`.
     """
 
     def __init__(
@@ -57,7 +58,9 @@ class Replay:
         tracker: Tracker | None = None,
         cell: SimulatedCell | None = None,
         linger_s: float = 1.0,
+        records: bool = False,
     ) -> None:
+        self._records = records
         self._twin, self._world = twin, world
         self._synthesise, self._tries = synthesise, tries
         self._tracker, self._cell, self._linger_s = tracker or Tracker(), cell, linger_s
@@ -78,10 +81,14 @@ class Replay:
         for number in range(self._tries):
             rehearsal = self._synthesise(seen, seed_of("rehearsal", seed, number))
             if rehearsal.success:
-                episode = open_loop(self._world, start, rehearsal.executed, self._linger_s)
-                return Replayed(episode, placed, rehearsal)
+                return Replayed(self._replayed(start, rehearsal), placed, rehearsal)
             reason = rehearsal.reason
         return Replayed(reason=f"no success in the twin: {reason}")
+
+    def _replayed(self, start: Start, rehearsal: Episode) -> Episode:
+        if self._records and self._cell is not None:
+            return through_cell(self._world, self._cell, rehearsal, self._linger_s)
+        return open_loop(self._world, start, rehearsal.executed, self._linger_s)
 
     def _measured(self) -> Measurement:
         """Tracked poses in the world, in the twin's order of objects and joints."""

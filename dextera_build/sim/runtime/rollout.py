@@ -79,6 +79,36 @@ def begin(environment: Environment, start: Start, cell: SimulatedCell | None) ->
     return ""
 
 
+def through_cell(environment: Environment, cell: SimulatedCell, rehearsal: Episode, linger_s: float = 1.0) -> Episode:
+    """Send the joint targets of a rehearsal through a cell, and record the episode as hardware gives it.
+
+    Observations are the cell's measurements, and nothing is recorded that only a simulator knows; success is that of
+    the true state, as a person who watches would say.
+
+    Args:
+        environment: The task; the cell has begun the episode.
+        cell: Measures and sends.
+        rehearsal: An episode in the twin, whose executed targets are sent, one per control period.
+        linger_s: Time to hold the last target afterwards [s], because success needs time to be confirmed.
+    """
+    recorder = Recorder(environment, measured=True)
+    held = [len(rehearsal.executed) - 1] * round(linger_s / environment.period_s)
+    done, reason = False, "not done when the trajectory was over"
+    for row in [*range(len(rehearsal.executed)), *held]:
+        try:
+            seen = deployable(cell.measure(), environment.previous_action, environment.goal, environment.added)
+            recorder.before(rehearsal.action[row], rehearsal.hand[row], seen)
+            recorder.after(cell.send(rehearsal.executed[row]))
+        except PolicyFault as fault:
+            reason = fault.message
+            break
+        if environment.outcome.over:
+            done, reason = environment.outcome.success, environment.outcome.reason
+            break
+    made = recorder.episode("replay", success=done, reason=reason, segments=rehearsal.segments)
+    return made.model_copy(update={"sources": rehearsal.sources})
+
+
 def open_loop(environment: Environment, start: Start, targets: np.ndarray, linger_s: float = 1.0) -> Episode:
     """Run a recorded trajectory from `start`, without feedback.
 

@@ -6,11 +6,15 @@ import math
 from dataclasses import replace
 from typing import Any, Protocol
 
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.tasks.episode import Episodes, Film
+from dextera_build.artifacts.tasks.mixture import Mixture
+from dextera_build.artifacts.tasks.pixels import Pixels
 from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.learning import curve_picture
 from dextera_build.learning.demonstrations import Demonstrations, Selection, prepare
+from dextera_build.learning.parts import Part, parts_of
 from dextera_build.rule import ROUNDING, Context, Tolerance, rule
 
 from .act_options import ActOptions
@@ -38,15 +42,23 @@ class ActBackend(Protocol):
     ),
 )
 def act(
-    ctx: Context[ActBackend], bundle: TaskBundle, episodes: Episodes, film: Film | None = None, *, options: ActOptions
+    ctx: Context[ActBackend],
+    bundle: TaskBundle,
+    episodes: Episodes | Mixture,
+    film: Film | Pixels | None = None,
+    films: Collection[Film | Pixels] | None = None,
+    *,
+    options: ActOptions,
 ) -> Checkpoint:
     """Return a policy that imitates the episodes, trained with ACT on deployable observations.
 
+    Of a mixture, every batch has exactly the numbers of samples that its weights say, and input `world` tells the
+    policy which world a sample is from; `films` are its pictures by label. `demonstrate.unpack` decodes films once.
     An interrupted training resumes and ends with the same weights.
     """
     if options.width % options.heads:
         ctx.fail(f"width {options.width} is not a multiple of {options.heads} heads")
-    data = _data(bundle, episodes, film, options)
+    data = _data(bundle, parts_of(episodes, film, films), options)
     trained = ctx.backend.train(ctx, data, options, ctx.backend_options)
     ctx.check(len(trained.steps) == len(trained.curve) > 0, "the training has no loss curve")
     ctx.preview(
@@ -63,10 +75,10 @@ def act(
     )
 
 
-def _data(bundle: TaskBundle, episodes: Episodes, film: Film | None, options: ActOptions) -> Demonstrations:
+def _data(bundle: TaskBundle, parts: list[Part], options: ActOptions) -> Demonstrations:
     selection = Selection(options.inputs, options.objects, options.held_out, options.seed)
     settings = {name: getattr(options, name) for name in SETTINGS}
-    data = prepare(bundle, episodes, film, selection, algorithm="act", settings=settings)
+    data = prepare(bundle, parts, selection, algorithm="act", settings=settings)
     located = {"located": 0 if data.places is None else data.places.shape[1]}
     return replace(data, contract=data.contract.model_copy(update={"settings": settings | located}))
 

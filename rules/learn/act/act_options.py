@@ -14,7 +14,8 @@ class ActOptions(Options):
     """Options of learn.act."""
 
     inputs: tuple[str, ...] = ("joints", "objects", "displacement", "goal")
-    """Input channels of the deployable observation; add `rgb` if a film is given."""
+    """Input channels of the deployable observation; add `rgb` if a film is given, and `world` to tell the policy which
+    kind of world a sample of a mixture is from."""
     objects: Literal["task", "all"] = "task"
     """Objects with poses and joints in the input: the task's object only, or all. Irrelevant objects can only
     mislead a policy trained on a hundred episodes."""

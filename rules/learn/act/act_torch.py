@@ -15,7 +15,7 @@ from torch import Tensor
 
 from dextera_build import digest
 from dextera_build.learning import reproducible, weights
-from dextera_build.learning.sampling import Deck
+from dextera_build.learning.sampling import Mixed
 from dextera_build.learning.training_state import Kept, restore, save
 from dextera_build.rule import Backend, Context, Options
 
@@ -65,9 +65,9 @@ class Training:
         self._inputs = {name: torch.from_numpy(field) for name, field in data.inputs.items()}
         self._actions, self._last = torch.from_numpy(data.actions), torch.from_numpy(data.last)
         self._places = torch.from_numpy(data.places) if data.places is not None else None
-        self._frames = torch.from_numpy(data.frames) if data.frames is not None else None
-        self._deck = Deck(len(data.train_rows), options.seed, 2)
-        self._batch = min(options.batch, len(data.train_rows))
+        sizes = [len(rows) for rows in data.train_rows]
+        batch = min(options.batch, sizes[0]) if len(sizes) == 1 else options.batch
+        self._mixed = Mixed(sizes, data.weights, batch, options.seed)
         self._kept = Kept(digest.of_value([data.contract.model_dump(mode="json"), options.model_dump(mode="json")]))
         self._stride = max(1, options.steps // POINTS)
 
@@ -77,7 +77,7 @@ class Training:
         if restore(file, kept, self._network, self._optimiser):
             self._ctx.log(f"resumes after step {kept.step:,}")
             for _ in range(kept.step):
-                self._deck.draw(self._batch)
+                self._mixed.draw()
         saved = time.monotonic()
         while kept.step < self._options.steps:
             kept.sum += self._step(kept.step)
@@ -98,7 +98,8 @@ class Training:
     def _step(self, step: int) -> float:
         options = self._options
         random = torch.Generator().manual_seed(options.seed * 1_000_003 + step)
-        rows = torch.from_numpy(self._data.train_rows[self._deck.draw(self._batch)])
+        drawn = zip(self._data.train_rows, self._mixed.draw(), strict=True)
+        rows = torch.from_numpy(np.concatenate([part[chosen] for part, chosen in drawn]))
         batch = self._samples(rows)
         inputs = dict(batch.inputs)
         if options.jitter:
@@ -119,8 +120,8 @@ class Training:
         ahead = rows[:, None] + torch.arange(self._options.chunk)
         last = self._last[rows][:, None]
         inputs = {name: field[rows] for name, field in self._inputs.items()}
-        if self._frames is not None:
-            inputs["rgb"] = network.pixels(self._frames[rows])
+        if self._data.frames is not None:
+            inputs["rgb"] = network.pixels(torch.from_numpy(self._data.frames.at(rows.numpy())))
         places = self._places[rows] if self._places is not None else None
         return network.Batch(inputs, self._actions[torch.minimum(ahead, last)], ahead <= last, places)
 

@@ -13,7 +13,9 @@ import numpy as np
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.cameras.video import Video
 from dextera_build.artifacts.spatial.joints import Joints
+from dextera_build.artifacts.tasks.pixels import Pixels
 from dextera_build.formats import video as video_files
+from dextera_build.learning.parts import Frames
 from dextera_build.store.store import Store
 from tests.benchmarks.data_set import lerobot_export
 from tests.benchmarks.data_set.scene import Table
@@ -78,6 +80,46 @@ def read(root: Path, batches: int, batch: int) -> int:
         assert np.stack(rows).shape == (batch, JOINTS)
         count += np.stack(pictures).shape[0] * len(CAMERAS)
     return count
+
+
+def unpack(root: Path) -> int:
+    """Decode all videos once into arrays of the store, as `demonstrate.unpack` does; return the number of pictures."""
+    videos, joints = opened(root)
+    store, digests = Store(root / "store"), {}
+    for camera, found in videos.items():
+        arrays = {}
+        for label, video in found.items.items():
+            pixels = video.frames(list(range(len(joints.items[label].stamps))))
+            file = root / f"{camera}-{label}.pixels"
+            file.write_bytes(pixels.tobytes())
+            arrays[label] = np.asarray(np.memmap(file, np.uint8, "r", shape=pixels.shape))
+        digests[camera] = Pixels(episodes=arrays).encode(store.writer)
+        for label in arrays:
+            (root / f"{camera}-{label}.pixels").unlink()
+    (root / "pixels.json").write_text(json.dumps(digests))
+    return sum(_lengths(joints)) * len(CAMERAS)
+
+
+class Sampler:
+    """Reads random batches of unpacked frames of both cameras with their joint states, as learners do."""
+
+    def __init__(self, root: Path) -> None:
+        store = Store(root / "store")
+        digests = json.loads((root / "pixels.json").read_text())
+        _, joints = opened(root)
+        self._states = np.concatenate([found.positions for found in joints.items.values()])
+        pixels = [Pixels.decode(digests[camera], store.reader) for camera in CAMERAS]
+        self._frames = [Frames([found.episodes[label] for label in joints.items]) for found in pixels]
+
+    def read(self, batches: int, batch: int) -> int:
+        """Read batches; return the number of pictures."""
+        random, count = np.random.default_rng(1), 0
+        for _ in range(batches):
+            rows = random.integers(len(self._states), size=batch)
+            pictures = np.stack([found.at(rows) for found in self._frames])
+            assert self._states[rows].shape == (batch, JOINTS)
+            count += pictures.shape[0] * pictures.shape[1]
+        return count
 
 
 def export(root: Path) -> int:

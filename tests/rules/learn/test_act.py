@@ -14,6 +14,7 @@ from PIL import Image
 from pydantic import ValidationError
 
 from dextera_build.artifacts.tasks.episode import Episode, Episodes, Film
+from dextera_build.artifacts.tasks.mixture import Mixture
 from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.errors import RuleError
 from dextera_build.learning import weights
@@ -27,8 +28,8 @@ BUNDLE = episodes.bundle()
 SMALL = {"steps": 30, "width": 16, "heads": 2, "chunk": 5, "batch": 16, "held_out": 0.25}
 
 
-def learn(tmp_path: Path, data: Episodes, backend: str = "torch", **more: Any) -> Checkpoint:
-    film = {"film": more.pop("film")} if "film" in more else {}
+def learn(tmp_path: Path, data: Episodes | Mixture, backend: str = "torch", **more: Any) -> Checkpoint:
+    film = {name: more.pop(name) for name in ("film", "films") if name in more}
     made = RuleRunner(tmp_path).run(
         "learn.act", backend=backend, bundle=BUNDLE, episodes=data, options=SMALL | more, **film
     )
