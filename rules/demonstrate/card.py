@@ -73,7 +73,7 @@ def _title(bundle: TaskBundle, episodes: Episodes, form: Form, options: FormOpti
         f"{_plural(count, 'episode')}, {steps:,} steps at {episodes.rate_hz:g} Hz "
         f'({steps / episodes.rate_hz / 60:.1f} min), of the task "{words}", as {form.title}.',
         "",
-        f"Domain: {DOMAINS[bundle.kind]}. No episode was recorded on hardware.",
+        f"Domain: {DOMAINS[episodes.world]}. No episode was recorded on hardware.",
     ]
 
 

@@ -56,7 +56,7 @@ def about(bundle: TaskBundle, episodes: Episodes) -> dict[str, object]:
     """`meta/dextera.json`: the meaning of the columns, and discarded attempts with their reasons."""
     return {
         "task": bundle.task.model_dump(mode="json"),
-        "world": bundle.kind,
+        "world": episodes.world,
         "embodiment": episodes.embodiment,
         "action": Actions(bundle).about(),
         "model": digest.of_bytes(bundle.model.files.get("scene.xml", b"")),
