@@ -86,8 +86,8 @@ def test_the_camera_is_in_the_base_of_the_robot() -> None:
 
 
 @pytest.mark.parametrize(("kind", "said"), [("twin", "Domain: the twin"), ("reference", "Domain: the reference world")])
-def test_the_domain_is_that_of_the_world(kind: str, said: str) -> None:
-    text = card("lerobot", of_lengths([3]), bundle=episodes.bundle().model_copy(update={"kind": kind}))
+def test_the_domain_is_that_of_the_episodes(kind: str, said: str) -> None:
+    text = card("lerobot", of_lengths([3]).model_copy(update={"world": kind}))
     assert said in text
     assert "No episode was recorded on hardware." in text
 
