@@ -19,12 +19,15 @@ summary: In place of a generator, the pixels of a picture from 10 cm beside the 
 nodes:
   world:
     rule: reference.world
-    camera: {{width_px: 640, height_px: 360, fx_px: 456, fy_px: 456, cx_px: 321, cy_px: 180,
-              eye_m: [0.0, -0.78, 0.86], target_m: [0.0, 0.0, 0.03]}}
+    camera: {{width_px: 960, height_px: 540, fx_px: 684, fy_px: 684, cx_px: 481, cy_px: 270,
+              eye_m: [0.0, -0.78, 0.66], target_m: [0.0, 0.0, 0.05]}}
     table: {{centre_m: [0.0, -0.13], size_m: [1.48, 0.74, 0.035]}}
     objects:
-      box: {{kind: carton, size_m: [0.21, 0.158, 0.06], seed: 5, at_m: [0.0, -0.02]}}
-      mug: {{kind: mug, at_m: [0.25, 0.0], seed: 4}}
+      carton_0: {{kind: carton, size_m: [0.16, 0.07, 0.2], seed: 5, at_m: [-0.45, 0.0], yaw_deg: -40}}
+      carton_1: {{kind: carton, size_m: [0.16, 0.07, 0.2], seed: 6, at_m: [-0.23, 0.05], yaw_deg: -20}}
+      carton_2: {{kind: carton, size_m: [0.16, 0.07, 0.2], seed: 7, at_m: [-0.01, 0.0]}}
+      carton_3: {{kind: carton, size_m: [0.16, 0.07, 0.2], seed: 8, at_m: [0.21, 0.05], yaw_deg: 20}}
+      carton_4: {{kind: carton, size_m: [0.16, 0.07, 0.2], seed: 9, at_m: [0.43, 0.0], yaw_deg: 40}}
     lamps: [{{direction: [0.45, 0.55, -1.0], strength: 0.6}}]
   capture: {{rule: reference.photograph, world: $world, seed: 7}}
   beside: {{rule: reference.move_camera, world: $world, shift_m: [0.09, -0.03, 0.02], turn_deg: [1, -4, 1]}}

@@ -29,6 +29,7 @@ INPUTS = {
         "robot": "robot/openarm_revo1",
         "task": "task/ob/lift_toy_bus:task",
     },
+    "capture/cameras": {"robot": "robot/kuka_leap"},
     "reference/calibrated": {
         "robot": "robot/kuka_leap",
         "calibration_views": "reference/laptop_scene:calibration_views",
