@@ -19,7 +19,7 @@ def test_both_worlds_and_one_more_episode(tmp_path: Path) -> None:
 
     def built(count: int) -> tuple[set[str], list[dict[str, str]]]:
         counts = ("--set", f"pair/shards.episodes={count}", "--set", "data/shards.episodes=1")
-        targets = (f"{PAIR}:pair.episodes", f"{PAIR}:data.yields", f"{PAIR}:data.recorded_film")
+        targets = (f"{PAIR}:pair/episodes", f"{PAIR}:data/yields", f"{PAIR}:data/recorded_film")
         answer = space.dxb("build", "--console", "jsonl", *targets, *counts, timeout_s=2500.0)
         assert answer.code == 0, answer.err[-3000:]
         files = dict(line.split("\t") for line in answer.out.splitlines())
