@@ -13,7 +13,6 @@ from dextera_build.sim.experts.collision_check import CollisionCheck
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.experts.reachable import Reachable
-from dextera_build.sim.primitives.handover.primitive import HandoverGoal
 from dextera_build.sim.primitives.pick_and_place.primitive import PlaceGoal
 from dextera_build.sim.primitives.pick_and_place.script import Place
 from dextera_build.sim.primitives.poses import Tolerance
@@ -98,18 +97,6 @@ def test_a_bowl_is_taken_by_its_rim_and_put_into_another(stacking: Driver, robot
         stacking.run(each.operator, start, origin="operator") for each in experts("pick_and_place")[0].plan(search)
     ]
     # A rehearsal keeps the best of them.
-    assert any(episode.success for episode in episodes), [episode.reason for episode in episodes]
-
-
-@pytest.mark.slow
-def test_a_bowl_goes_from_one_hand_to_the_other(robot: RobotModel) -> None:
-    bowl = factories.bowl_asset(factories.pose(-0.06, -0.14), radius=0.070, height=0.065, mass=0.25)
-    goal = HandoverGoal(giver="right", receiver="left")
-    driver = Driver(Environment(openarm_tasks.bundle(robot, goal, {"bowl": bowl}, "bowl", timeout_s=16.0)))
-    environment, reach = driver.environment, Reach(robot, "right", "left")
-    search = Search(environment, reach, CollisionCheck(environment, reach), driver.state(), enough=4)
-    start = starts.photographed(environment.bundle, environment.model)
-    episodes = [driver.run(each.operator, start, origin="operator") for each in experts("handover")[0].plan(search)]
     assert any(episode.success for episode in episodes), [episode.reason for episode in episodes]
 
 
