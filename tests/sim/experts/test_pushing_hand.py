@@ -60,10 +60,10 @@ def test_fingers_that_stay_straight_do_not_press(robot: RobotModel) -> None:
     opened, closed = hand.posture(grip.open), hand.posture({**grip.open, **grip.closed})
     pressing = hand.pressing(opened, closed)
     assert pressing == ("left_tip_index", "left_tip_middle")
-    # The thumb stands opposite their middle, so that an object does not turn as they close.
-    half = (opened + closed) / 2
+    # The thumb meets the middle of both, so that a thin object does not turn as they close.
+    meeting = opened + 0.9 * (closed - opened)
     assert hand.thumb is not None
-    offset = hand.tip(hand.thumb, half) - hand.reach(half, pressing)
+    offset = hand.tip(hand.thumb, meeting) - hand.reach(meeting, pressing)
     assert abs(offset[1]) < 0.004
-    assert abs((hand.tip(hand.thumb, half) - hand.reach(half))[1]) > 0.015
+    assert abs((hand.tip(hand.thumb, meeting) - hand.reach(meeting))[1]) > 0.012
     assert hand.pressing(opened, opened) == hand.fingers

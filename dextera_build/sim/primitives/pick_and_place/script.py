@@ -27,9 +27,9 @@ BELOW_M = 0.08
 """Maximum depth below the rim of a container to which an object is lowered; fingers stay above the rim [m]."""
 FINGER_M = 0.015
 """Thickness of a fingertip below its centre, with a clearance [m]."""
-BESIDE_M = 0.022
+BESIDE_M = 0.026
 """Distance of the centres of fingertips from other objects when an object is released among them [m]."""
-HIGHER_M = (0.0, 0.004, 0.008, 0.012, 0.016, 0.020, 0.024, 0.028, 0.032, 0.036)
+HIGHER_M = (0.0, 0.006, 0.012, 0.018, 0.024, 0.030, 0.036, 0.042)
 """Heights by which a release is raised until the fingertips are clear of other objects [m]."""
 WALL_M = 0.012
 """Sufficient distance from a container's walls when an object is released [m]."""
