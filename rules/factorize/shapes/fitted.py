@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 HANDLED = ("revolved", "revolved_hollow", "cylinder", "tilted_revolved_hollow")
 """Families that may have a handle."""
 HOLLOW = ("revolved_hollow", "open_box", "tilted_revolved_hollow", "tilted_open_box")
+HOVERING = 5.0
+"""Cost of the distance between a body and the surface under it [1/m]: what it stands on may be hidden, as wheels are in
+the shadow of a bus, but something carries it."""
 HALF_TURN_SYMMETRIC = ("box", "tilted_box", "lying_cylinder", "oval", "open_box", "superquadric")
 MIRROR_SYMMETRIC = ("mirrored", "lying")
 
@@ -45,7 +48,8 @@ def fitted_of(candidate: Candidate, evidence: Evidence, steps: int, tries: int =
     """Fit a family from the best `tries` of its initial guesses, in at most `steps` steps."""
     found = fit(candidate.model, evidence, steps, tries)
     body = candidate.model.build(found.parameters)
-    score = judge(body, evidence, candidate.model.cost).score
+    hovers = max(0.0, float(body.vertices[:, 2].min()))
+    score = judge(body, evidence, candidate.model.cost).score - HOVERING * hovers
     return Fitted(candidate, found.parameters, score, body.volume)
 
 
