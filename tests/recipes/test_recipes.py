@@ -29,6 +29,15 @@ INPUTS = {
         "robot": "robot/openarm_revo1",
         "task": "task/ob/lift_toy_bus:task",
     },
+    "dataset/pair": {
+        "task": "task/kl/lift_mustard_bottle:task",
+        "sources": "task/kl/lift_mustard_bottle:sources",
+        "episodes": "task/kl/lift_mustard_bottle:episodes",
+        "believed": "task/kl/lift_mustard_bottle:believed",
+        "reference": "task/kl/lift_mustard_bottle:reference",
+        "cell": "task/kl/lift_mustard_bottle:cell",
+        "view": "task/kl/lift_mustard_bottle:view",
+    },
     "capture/cameras": {"robot": "robot/kuka_leap"},
     "reference/calibrated": {
         "robot": "robot/kuka_leap",
