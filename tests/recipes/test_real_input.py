@@ -55,7 +55,7 @@ nodes:
     timeout_s: 10
   sources: {rule: demonstrate.operate, bundle: $task, episodes: 3}
   shards: {rule: demonstrate.shards, episodes: 8, per_shard: 4}
-  # The weakest joints of an OpenArm, 7 N m, accelerate a hand of 0.54 kg by far more than the iiwa's limit, the default.
+  # The weakest joints of an OpenArm, 7 N m, accelerate a hand of 0.54 kg far more than the default, an iiwa's limit.
   made:
     each: $shards
     as: shard
