@@ -25,6 +25,14 @@ def project(points: np.ndarray, k: np.ndarray) -> np.ndarray:
     return np.asarray(points[:, :2] / points[:, 2:] * [k[0, 0], k[1, 1]] + [k[0, 2], k[1, 2]])
 
 
+def extent(points: np.ndarray, camera_from_world: np.ndarray, k: np.ndarray) -> np.ndarray:
+    """Left, top, right and bottom (4,) [px] of the projections of world points (N, 3), those behind the camera too."""
+    local = transforms.apply(camera_from_world, points)
+    local[:, 2] = np.maximum(local[:, 2], 1e-6)
+    pixels = project(local, k)
+    return np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
+
+
 def rays(height: int, width: int, k: np.ndarray) -> np.ndarray:
     """Directions (H, W, 3) float64 with z = 1, so that a hit's ray parameter is its image-plane depth."""
     return backproject(np.ones((height, width)), k)

@@ -113,7 +113,7 @@ def prepare(
         train_rows=mix.rows,
         weights=mix.weights,
         held_out_rows=np.setdiff1d(np.arange(len(actions)), np.concatenate(mix.rows)),
-        frames=Frames([each for part in parts for each in part.pixels()]) if first.film else None,
+        frames=Frames([each for part in parts for each in part.pixels]) if first.film else None,
         places=_places(bundle, layout, fields, mix) if first.film else None,
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -41,6 +42,7 @@ class Part:
         """An episode's name among those of all parts."""
         return f"{self.label}/{episode}" if self.label else episode
 
+    @cached_property
     def pixels(self) -> list[np.ndarray]:
         """Frames (T, H, W, 3) uint8 of each episode, in memory or, if they were unpacked, memory-mapped."""
         return [_frames(self.film, name) for name in self.episodes.items] if self.film else []
@@ -117,17 +119,17 @@ def check(bundle: TaskBundle, parts: Sequence[Part], *, pictures: bool) -> None:
             hint="inputs: [joints, goal, rgb]",
         )
         if part.film is not None:
-            _check_film(part.episodes, part.film)
+            _check_film(part, part.film)
 
 
-def _check_film(episodes: Episodes, film: Film | Pixels) -> None:
-    shown = film.episodes if isinstance(film, Pixels) else film.frames
+def _check_film(part: Part, film: Film | Pixels) -> None:
+    episodes, shown = part.episodes, film.episodes if isinstance(film, Pixels) else film.frames
     lost = [name for name in episodes.items if name not in shown]
     _refuse(
         bool(lost), f"the film lacks {len(lost)} of {len(episodes.items)} episodes", first=lost[0] if lost else None
     )
-    for name, episode in episodes.items.items():
-        steps = len(_frames(film, name))
+    for (name, episode), pixels in zip(episodes.items.items(), part.pixels, strict=True):
+        steps = len(pixels)
         _refuse(steps != len(episode.action), f"episode `{name}` has {len(episode.action)} steps, but {steps} frames")
 
 

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.core.lazy import sizes
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.policy import layout
@@ -64,14 +61,6 @@ def check(ctx: Context, episodes: Episodes, film: Film | None, view: View | None
             film=f"{film.width} x {film.height} px",
             view=f"{view.camera.width} x {view.camera.height} px",
         )
-
-
-def folder(ctx: Context, out: Path) -> tuple[Folder, float]:
-    """All files below `out`, and their size [MB], which becomes the metric `size`."""
-    found = Folder.of(out)
-    megabytes = sum(sizes(found.files)) / 1e6
-    ctx.metric("size", megabytes, "MB")
-    return found, megabytes
 
 
 def observed(bundle: TaskBundle, episodes: Episodes, actions: Actions) -> dict[str, Feature]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import tempfile
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
@@ -15,7 +14,8 @@ from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.rule import Context, Tolerance, rule
 
-from . import card, form
+from . import form
+from .writing import written
 
 LOAD = """
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
@@ -84,10 +84,7 @@ def lerobot(
             film=f"{film.width} x {film.height} px",
             hint="choose an even `width_px` and `height_px` in simulate.view",
         )
-    out = Path(tempfile.mkdtemp(dir=ctx.scratch))
-    ctx.backend.write(ctx, bundle, episodes, film, view, out, options, ctx.backend_options)
-    card.write(bundle, episodes, film, view, described(film, options), options, out)
-    folder, megabytes = form.folder(ctx, out)
+    folder, megabytes = written(ctx, bundle, episodes, film, view, described(film, options), options)
     info = json.loads(folder.files["meta/info.json"])
     steps = sum(len(episode.joints) for episode in episodes.items.values())
     ctx.check(info["total_episodes"] == len(episodes.items), "episodes were lost")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tempfile
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
@@ -12,7 +11,8 @@ from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.rule import Context, Tolerance, rule
 
-from . import card, form
+from . import form
+from .writing import written
 
 FORM = form.Form(
     "ROS 2 recordings in MCAP, one per episode",
@@ -73,10 +73,7 @@ def mcap(
     Time starts at 0 in every episode. Frames follow ROS: quaternions x y z w, camera frames with z forward.
     """
     form.check(ctx, episodes, film, view)
-    out = Path(tempfile.mkdtemp(dir=ctx.scratch))
-    ctx.backend.write(ctx, bundle, episodes, film, view, out, options, ctx.backend_options)
-    card.write(bundle, episodes, film, view, FORM, options, out)
-    folder, megabytes = form.folder(ctx, out)
+    folder, megabytes = written(ctx, bundle, episodes, film, view, FORM, options)
     recordings = sum(name.endswith(".mcap") for name in folder.files)
     ctx.check(recordings == len(episodes.items), "episodes were lost")
     ctx.say(f"{recordings} recordings, {'with' if film else 'without'} pictures, {megabytes:.1f} MB")

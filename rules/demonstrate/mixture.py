@@ -11,7 +11,11 @@ from dextera_build.artifacts.tasks.mixture import Mixture
 from dextera_build.errors import listing
 from dextera_build.rule import Context, Options, rule
 
-SAME = ("task", "embodiment", "rate_hz", "joint_names", "object_names", "displacement_names", "limb_names", "terms")
+from . import gather
+
+OWN = ("world", "tip_names")
+"""Fields in which sets may differ: their worlds, and fingertips, which a cell does not measure."""
+SAME = tuple(field for field in gather.SAME if field not in OWN)
 """Fields that must be equal in all sets."""
 
 

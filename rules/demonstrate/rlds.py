@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import re
-import tempfile
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
@@ -16,8 +15,9 @@ from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.rule import Context, Tolerance, rule
 
-from . import card, form
+from . import form
 from .lerobot_features import ACTION
+from .writing import written
 
 VERSION = "1.0.0"
 """Version of every data set, as its folder is called."""
@@ -81,13 +81,9 @@ def rlds(
     or number, because OpenVLA repeats it for every step.
     """
     form.check(ctx, episodes, film, view)
-    out = Path(tempfile.mkdtemp(dir=ctx.scratch))
-    inside = out / name(bundle, options) / VERSION
-    inside.mkdir(parents=True)
-    ctx.backend.write(ctx, bundle, episodes, film, view, inside, options, ctx.backend_options)
-    card.write(bundle, episodes, film, view, described(bundle, options), options, out)
-    folder, megabytes = form.folder(ctx, out)
-    info = json.loads((inside / "dataset_info.json").read_text())
+    inside = f"{name(bundle, options)}/{VERSION}"
+    folder, megabytes = written(ctx, bundle, episodes, film, view, described(bundle, options), options, inside)
+    info = json.loads(folder.files[f"{inside}/dataset_info.json"])
     told = sum(int(length) for split in info["splits"] for length in split["shardLengths"])
     ctx.check(told == len(episodes.items), "episodes were lost")
     sides = ", ".join(f"{sum(map(int, split['shardLengths']))} {split['name']}" for split in info["splits"])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import tempfile
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -15,8 +14,9 @@ from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.rule import Context, Tolerance, rule
 
-from . import card, form, robomimic_names
+from . import form, robomimic_names
 from .lerobot_actions import Actions
+from .writing import written
 
 LOAD = """
 from robomimic.utils import obs_utils
@@ -73,10 +73,7 @@ def robomimic(
     Episode i is `data/demo_i`; its attributes hold its start, so that it can be rerun.
     """
     form.check(ctx, episodes, film, view)
-    out = Path(tempfile.mkdtemp(dir=ctx.scratch))
-    ctx.backend.write(ctx, bundle, episodes, film, view, out, options, ctx.backend_options)
-    card.write(bundle, episodes, film, view, described(bundle, episodes, film, options), options, out)
-    folder, megabytes = form.folder(ctx, out)
+    folder, megabytes = written(ctx, bundle, episodes, film, view, described(bundle, episodes, film, options), options)
     ctx.check(robomimic_names.FILE in folder.files, "the file is missing")
     steps = sum(len(episode.joints) for episode in episodes.items.values())
     pictures = "with" if film else "without"

@@ -60,10 +60,7 @@ def _fitted(points: np.ndarray, vertices: np.ndarray, seen: Seen, turn: float) -
 
     def off(three: np.ndarray) -> np.ndarray:
         placed = _standing(vertices, np.append(three, turn))
-        local = transforms.apply(camera_from_world, placed.apply(points))
-        local[:, 2] = np.maximum(local[:, 2], 1e-6)
-        pixels = cameras.project(local, k)
-        found = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
+        found = cameras.extent(placed.apply(points), camera_from_world, k)
         return np.asarray(weight * (found - wanted) / (wanted[2:] - wanted[:2]).max())
 
     spot, distance = _foot(wanted, seen)

@@ -126,7 +126,7 @@ def _box(evidence: Evidence, seen: Frame) -> Model:
             x, y, width, height = four
             return np.array([x, y, seen.facing + turn, width, aspect * width, height])
 
-        return _framed(evidence, seen, lambda four: box.box_solid(parameters(four)), parameters)
+        return _framed(evidence, seen, box.box_solid, parameters)
 
     return Model(
         name="box",
@@ -146,7 +146,7 @@ def _cone(evidence: Evidence, seen: Frame, taper: float) -> np.ndarray:
         x, y, width, height = four
         return np.array([x, y, height, taper * width / 2, width / 2])
 
-    return _framed(evidence, seen, lambda four: lofted.CYLINDER.build(parameters(four)), parameters)
+    return _framed(evidence, seen, lofted.CYLINDER.build, parameters)
 
 
 def _framed(
@@ -155,7 +155,14 @@ def _framed(
     build: Callable[[np.ndarray], Solid],
     parameters: Callable[[np.ndarray], np.ndarray],
 ) -> np.ndarray:
-    """The parameters of the body, over x, y, width and height, whose projection has the frame of the mask."""
+    """The parameters of the body whose projection has the frame of the mask.
+
+    Args:
+        evidence: The view.
+        seen: The frame.
+        build: Body in the world, of its parameters.
+        parameters: Its parameters, of x, y, width and height [m].
+    """
     from scipy import optimize
 
     camera_from_world = transforms.invert(evidence.world_from_camera)
@@ -165,10 +172,7 @@ def _framed(
         return np.array([*free[:2], *np.exp(free[2:])])
 
     def off(free: np.ndarray) -> np.ndarray:
-        local = transforms.apply(camera_from_world, build(four(free)).vertices)
-        local[:, 2] = np.maximum(local[:, 2], 1e-6)
-        pixels = cameras.project(local, evidence.k)
-        found = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
+        found = cameras.extent(build(parameters(four(free))).vertices, camera_from_world, evidence.k)
         return np.asarray(seen.weights * (found - seen.sides) / unit)
 
     away = np.array([-np.sin(seen.facing), np.cos(seen.facing)])
