@@ -66,7 +66,7 @@ class Samples:
         inputs = {name: each[seen.to(self.device)] for name, each in self.inputs.items()}
         if self.data.frames is not None:
             frames = torch.from_numpy(self.data.frames.at(seen.flatten().numpy())).to(self.device)
-            inputs["rgb"] = pixels(frames).unflatten(0, seen.shape)
+            inputs["rgb"] = pixels(frames).view(*seen.shape, 3, *frames.shape[1:3])
         places = self._places[chosen.to(self.device)] if self._places is not None else None
         return Batch(inputs, self._actions[acted.to(self.device)], keep.to(self.device), places)
 

@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import torch
@@ -38,18 +38,26 @@ MEASURED = 512
 class Learner(Protocol):
     """What an algorithm adds to the loop."""
 
-    network: nn.Module
-    """Its initial weights depend only on the seed."""
-    window: Window
-    """The steps of a sample."""
-    betas: tuple[float, float]
-    """Decay of the moments of AdamW."""
+    @property
+    def network(self) -> nn.Module:
+        """Its initial weights depend only on the seed."""
+        ...
 
-    def loss(self, network: nn.Module, batch: Batch, random: torch.Generator) -> tuple[Tensor, Tensor]:
+    @property
+    def window(self) -> Window:
+        """The steps of a sample."""
+        ...
+
+    @property
+    def betas(self) -> tuple[float, float]:
+        """Decay of the moments of AdamW."""
+        ...
+
+    def loss(self, network: Any, batch: Batch, random: torch.Generator) -> tuple[Tensor, Tensor]:
         """(loss to minimise, loss for the curve); `random`, on the CPU, is the only source of noise."""
         ...
 
-    def predicted(self, network: nn.Module, batch: Batch) -> Tensor:
+    def predicted(self, network: Any, batch: Batch) -> Tensor:
         """The actions (B, C, A) that the policy would take at run time, for the error of held-out episodes."""
         ...
 

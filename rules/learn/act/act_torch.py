@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from dextera_build.learning import training
 from dextera_build.learning.samples import Batch, Window
@@ -42,12 +42,12 @@ class Learner:
         self.window = Window(range(options.chunk))
         self._latent, self._kl_weight = options.latent, options.kl_weight
 
-    def loss(self, network_: nn.Module, batch: Batch, random: torch.Generator) -> tuple[Tensor, Tensor]:
+    def loss(self, network_: network.Act, batch: Batch, random: torch.Generator) -> tuple[Tensor, Tensor]:
         """As `network.loss_of`, with a drawn latent."""
         noise = torch.randn(len(batch.actions), self._latent, generator=random).to(batch.actions.device)
         return network.loss_of(network_, batch, noise, self._kl_weight)
 
-    def predicted(self, network_: nn.Module, batch: Batch) -> Tensor:
+    def predicted(self, network_: network.Act, batch: Batch) -> Tensor:
         """The chunks (B, C, A) of the mean latent."""
         made: Tensor = network_(batch.inputs)
         return made
