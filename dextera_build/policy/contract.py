@@ -17,6 +17,8 @@ VECTORS = tuple(term.name for term in DECLARED if term.is_vector)
 """Vector channels of dxb, in the order of the networks' inputs."""
 CHANNELS = (*VECTORS, WORLD, "rgb")
 """All channels of dxb that a policy may use, none of them privileged."""
+PRIVILEGED = "privileged"
+"""Setting of a contract: the number of privileged inputs, which no robot can give; such a policy can only teach."""
 MISSPELLED = 0.8
 """Similarity of an unknown name to a channel of dxb, 0..1, above which it counts as a misspelling."""
 
@@ -93,8 +95,10 @@ def check(
     rate_hz: float | None = None,
     view: View | None = None,
     terms: Iterable[TermSpec] = (),
+    *,
+    teacher: bool = False,
 ) -> None:
-    """Raise for a policy that was trained for another task, robot, rate or camera.
+    """Raise for a policy that was trained for another task, robot, rate or camera, or that sees what no robot measures.
 
     Args:
         contract: Inputs and outputs of the policy.
@@ -102,10 +106,17 @@ def check(
         rate_hz: Rate at which it will be called [Hz]; None: the bundle's.
         view: The camera of its pictures.
         terms: Terms that do not come with dxb.
+        teacher: Whether it will teach in a simulation, where it may have privileged inputs.
 
     Raises:
         RuleError: There are differences; the error lists all of them.
     """
+    if contract.settings.get(PRIVILEGED) and not teacher:
+        raise RuleError(
+            f"the policy is a teacher of `{contract.task}`: it sees the state of the simulator, which no robot measures",
+            code="DXB-B518",
+            hint="teach a student that sees less: `demonstrate.correct`, then `learn.bc_rnn` or another imitation",
+        )
     found = differences(contract, of_bundle(bundle, view, rate_hz, terms))
     if found:
         raise RuleError(

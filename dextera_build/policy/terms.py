@@ -34,6 +34,8 @@ class Sensor:
     """Measurements per second [Hz]; None: one in every control period."""
     delay_s: float = 0.0
     """Delay from a measurement to its availability [s]."""
+    loss: float = 0.0
+    """Probability that a measurement of numbers is lost, 0..1; the last one stays."""
     sigma: float = 0.0
     """Standard deviation of numbers in the term's unit, or of each coordinate of poses [m]."""
     turn_sigma_rad: float = 0.0

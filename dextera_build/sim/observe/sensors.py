@@ -107,7 +107,9 @@ class _Delayed:
     def take(self, truth: np.ndarray, now: float, **picture: np.ndarray) -> np.ndarray:
         """The last sample available at `now`; the first one is available at once, because a robot waits for it."""
         if now >= self._due - 1e-9:
-            self._waiting.append((now + self._sensor.delay_s, self._noisy(truth, **picture)))
+            lost = self._sensor.loss and self._last is not None and self._random.uniform() < self._sensor.loss
+            if not lost:
+                self._waiting.append((now + self._sensor.delay_s, self._noisy(truth, **picture)))
             # Samples keep their own clock; a slower control period only skips some.
             while self._step and self._due <= now + 1e-9:
                 self._due += self._step

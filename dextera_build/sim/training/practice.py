@@ -11,6 +11,7 @@ from gymnasium import spaces
 
 from dextera_build.artifacts.tasks.policy import PolicyContract
 from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.policy import contract as contracts
 from dextera_build.policy.added import AddedTerm
 from dextera_build.policy.features import Fields, Reader
 from dextera_build.policy.layout import of_bundle
@@ -18,13 +19,11 @@ from dextera_build.sim.control.steering import Steering
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.sim.training.gym import DEPLOYABLE, PRIVILEGED, TaskEnv
-
-FORCE_N, PLACE_M = 5.0, 0.3
-"""Scales of privileged forces [N] and positions relative to the palm [m]."""
+from dextera_build.sim.training.insight import insight
 
 
 class Practice(gymnasium.Env[np.ndarray, np.ndarray]):
-    """Observations (N + P,) float32: the policy's N numbers, then P privileged ones for its critic.
+    """Observations (N + P,) float32: N deployable numbers, then P privileged ones for the critic or for a teacher.
 
     The seed of episode k is derived from `seed`, `number` and k, so results do not depend on the order in which several
     environments are stepped.
@@ -55,7 +54,9 @@ class Practice(gymnasium.Env[np.ndarray, np.ndarray]):
         self._inputs: Fields = {}
         self.seen = self._begin(0)
         self.observation_space = spaces.Box(-np.inf, np.inf, self._observation().shape, np.float32)
-        self.public = self._steering.numbers(self._inputs).shape[1]
+        teaches = contract.settings.get(contracts.PRIVILEGED, 0)
+        self.public = self._steering.numbers(self._inputs).shape[1] + int(teaches)
+        """Number of the first numbers of an observation that the policy sees."""
         self.action_space = spaces.Box(-1.0, 1.0, (self._steering.size,), np.float32)
 
     def reset(
@@ -95,21 +96,7 @@ class Practice(gymnasium.Env[np.ndarray, np.ndarray]):
         prefix = f"{DEPLOYABLE}/"
         fields = {name.removeprefix(prefix): part[None] for name, part in self.seen.items() if name.startswith(prefix)}
         self._inputs = self._reader.read(fields)
-        return np.concatenate([self._steering.numbers(self._inputs)[0], self._insight()])
-
-    def _insight(self) -> np.ndarray:
-        """Privileged numbers (P,): forces, velocities, fingertips and object surface from their palms, time."""
-        environment = self._task.environment
-        robot, hands = environment.bundle.robot, self.seen[f"{PRIVILEGED}/hand_poses"]
-        hand = hands[robot.limb_names.index(self._steering.limb)]
-        own = [number for number, name in enumerate(robot.limb_names) for _ in robot.limbs[name].tips]
-        parts = [
-            np.tanh(self.seen.get(f"{PRIVILEGED}/contact", np.zeros(0)) / FORCE_N),
-            self.seen[f"{PRIVILEGED}/joint_velocities"],
-            self.seen[f"{PRIVILEGED}/object_velocities"],
-            (self.seen.get(f"{PRIVILEGED}/tip_poses", np.zeros((0, 7)))[:, :3] - hands[own, :3]) / PLACE_M,
-            (self.seen[f"{PRIVILEGED}/points"].mean(axis=0) - hand[:3]) / PLACE_M,
-            [environment.steps * environment.period_s / environment.task.timeout_s, self._task.value],
-        ]
-        numbers = np.concatenate([np.ravel(part) for part in parts])
-        return np.asarray(np.clip(numbers, -5.0, 5.0), np.float32)
+        hidden = f"{PRIVILEGED}/"
+        known = {name.removeprefix(hidden): part for name, part in self.seen.items() if name.startswith(hidden)}
+        more = insight(self._task.environment, self._steering.limb, known, self._task.value)
+        return np.concatenate([self._steering.numbers(self._inputs)[0], more])

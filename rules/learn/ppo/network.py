@@ -9,6 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from dextera_build.artifacts.tasks.policy import PolicyContract
+from dextera_build.policy.contract import PRIVILEGED
 from dextera_build.policy.features import tokens
 
 
@@ -41,7 +42,9 @@ def of_contract(contract: PolicyContract) -> Actor:
     """Build the network of a contract, with uninitialized weights."""
     settings = contract.settings
     return Actor(
-        sum(int(np.prod(tokens(channel))) for channel in contract.inputs) + int(settings["places"]),
+        sum(int(np.prod(tokens(channel))) for channel in contract.inputs)
+        + int(settings["places"])
+        + int(settings.get(PRIVILEGED, 0)),
         int(settings["width"]),
         int(settings["layers"]),
         int(settings["decisions"]),

@@ -11,6 +11,7 @@ from dextera_build.learning import reproducible, weights
 from dextera_build.policy.features import Fields
 from dextera_build.policy.running import Predict
 from dextera_build.sim.control.steering import Steering
+from dextera_build.sim.training.insight import INSIGHT
 
 from . import network
 
@@ -25,7 +26,8 @@ def predict(checkpoint: Checkpoint, bundle: TaskBundle) -> Predict:
 
     def targets(inputs: Fields, step: int) -> np.ndarray:
         with reproducible.one_thread(), torch.inference_mode():
-            decision = network.decide(made, steering.numbers(inputs))
+            numbers = [steering.numbers(inputs), *([inputs[INSIGHT]] if INSIGHT in inputs else [])]
+            decision = network.decide(made, np.concatenate(numbers, axis=1))
         return steering.steered(decision, inputs)
 
     return targets

@@ -50,7 +50,7 @@ class PpoBackend(Protocol):
 def ppo(
     ctx: Context[PpoBackend], bundle: TaskBundle, terms: Collection[TermSpec] | None = None, *, options: PpoOptions
 ) -> Checkpoint:
-    """Return a policy trained by PPO on deployable observations; only its critic is privileged.
+    """Return a policy trained by PPO on deployable observations; only its critic is privileged, unless it is a teacher.
 
     An interrupted training resumes and ends with the same weights.
     """

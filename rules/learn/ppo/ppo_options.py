@@ -16,6 +16,9 @@ class PpoOptions(Options):
 
     inputs: tuple[str, ...] = ("joints", "previous_action", "objects", "displacement", "goal")
     """Input channels of the deployable observation; `joints` and `previous_action` are required."""
+    privileged: bool = False
+    """Whether the policy sees what its critic sees: contact forces, velocities, the surface of the object. It is then a
+    teacher, which acts in simulation only; `demonstrate.correct` has it correct a student."""
     groups: tuple[Group, ...] = ("arm",)
     """Groups of controlled joints; all others are fixed as in `grip`."""
     control: Literal["palm", "joints"] = "palm"

@@ -17,6 +17,7 @@ from dextera_build.policy import contract as contracts
 from dextera_build.policy import features
 from dextera_build.policy.layout import of_bundle
 from dextera_build.sim.primitives import catalogue
+from dextera_build.sim.training import insight
 
 if TYPE_CHECKING:
     from .ppo_options import PpoOptions
@@ -75,6 +76,7 @@ def contract_of(
             "every": options.every,
             "width": options.width,
             "layers": options.layers,
+            **({contracts.PRIVILEGED: insight.size(layout)} if options.privileged else {}),
             **(_turned(grip, heading_rad, options.lean_rad) if grip and heading_rad is not None else {}),
         },
     )

@@ -1,0 +1,50 @@
+"""Privileged numbers about one world, for the critics of policies and for teachers, which run in simulation only."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.policy.declared import BY_NAME
+from dextera_build.policy.layout import Layout
+
+if TYPE_CHECKING:
+    from dextera_build.sim.runtime.environment import Environment
+
+FORCE_N, PLACE_M = 5.0, 0.3
+"""Scales of forces [N] and of positions relative to the palm [m]."""
+INSIGHT = "insight"
+"""Name of these numbers among the inputs of a teacher."""
+
+
+def insight(environment: Environment, limb: str, seen: Mapping[str, np.ndarray], value: float) -> np.ndarray:
+    """Forces, velocities, fingertips and object surface from the palm, time and value, (P,) float32.
+
+    Args:
+        environment: The world.
+        limb: The limb that acts.
+        seen: Privileged term -> its values.
+        value: Value of the state, whose change is the reward.
+    """
+    robot, hands = environment.bundle.robot, seen["hand_poses"]
+    hand = hands[robot.limb_names.index(limb)]
+    own = [number for number, name in enumerate(robot.limb_names) for _ in robot.limbs[name].tips]
+    parts = [
+        np.tanh(seen.get("contact", np.zeros(0)) / FORCE_N),
+        seen["joint_velocities"],
+        seen["object_velocities"],
+        (seen.get("tip_poses", np.zeros((0, 7)))[:, :3] - hands[own, :3]) / PLACE_M,
+        (seen["points"].mean(axis=0) - hand[:3]) / PLACE_M,
+        [environment.steps * environment.period_s / environment.task.timeout_s, value],
+    ]
+    numbers = np.concatenate([np.ravel(part) for part in parts])
+    return np.asarray(np.clip(numbers, -5.0, 5.0), np.float32)
+
+
+def size(layout: Layout) -> int:
+    """P, the number of these numbers in a task."""
+    terms = ("contact", "joint_velocities", "object_velocities")
+    tips = layout.shape(BY_NAME["tip_poses"])[0]
+    return sum(int(np.prod(layout.shape(BY_NAME[name]))) for name in terms) + 3 * tips + 3 + 2

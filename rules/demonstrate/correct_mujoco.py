@@ -1,0 +1,83 @@
+"""demonstrate.correct in MuJoCo."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import nullcontext
+from typing import TYPE_CHECKING
+
+from dextera_build.artifacts.tasks.episode import Episode, Start
+from dextera_build.artifacts.tasks.policy import Checkpoint
+from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.artifacts.tasks.term import TermSpec
+from dextera_build.errors import RuleError
+from dextera_build.policy.added import of_specs
+from dextera_build.policy.layout import of_bundle
+from dextera_build.policy.running import Runner
+from dextera_build.policy.terms import Sensor
+from dextera_build.rule import Backend, Context, Options
+from dextera_build.sim.observe import pictures
+from dextera_build.sim.observe.sensors import Sensors
+from dextera_build.sim.runtime.environment import Environment
+from dextera_build.sim.runtime.policies import load
+from dextera_build.sim.training.teaching import Teacher, lesson
+
+if TYPE_CHECKING:
+    from .correct import CorrectOptions
+
+BACKEND = Backend(
+    summary="MuJoCo; networks by torch on one thread",
+    profiles=("cpu",),
+    packages=("mujoco", "torch", "safetensors"),
+    extra="learn",
+)
+
+TRIES = 10
+"""Maximum draws of a start."""
+
+
+def correct(
+    ctx: Context,
+    bundle: TaskBundle,
+    teacher: Checkpoint,
+    student: Checkpoint | None,
+    view: View | None,
+    seeds: list[int],
+    terms: tuple[TermSpec, ...],
+    common: CorrectOptions,
+    options: Options,
+) -> Iterator[tuple[Episode, float]]:
+    """Each seed's episode; a start that cannot be drawn is replaced by the next that can."""
+    environment = Environment(bundle, terms=of_specs(terms, ctx.companion))
+    asked = Teacher(ctx.companion("teacher", teacher.contract.algorithm, Runner), teacher, environment)
+    taught = None
+    if student is not None:
+        runner = ctx.companion("student", student.contract.algorithm, Runner)
+        taught = load(runner, student, bundle, view, terms=terms)
+    sensors = Sensors(of_bundle(bundle, view, terms=environment.specs).terms(None, _sensors(common)), {})
+    sees = student is not None and any(channel.name == "rgb" for channel in student.contract.inputs)
+    opened = pictures.live(environment, view) if view is not None and sees else nullcontext()
+    with opened as look:
+        for seed in seeds:
+            start = _drawn(environment, seed)
+            made = lesson(environment, asked, taught, start, sensors, led=common.led, look=look)
+            yield made.episode, made.apart_rad
+
+
+def _drawn(environment: Environment, seed: int) -> Start:
+    for further in range(TRIES - 1):
+        try:
+            return environment.draw(seed + further)
+        except RuleError:  # no start without collisions
+            continue
+    return environment.draw(seed + TRIES)
+
+
+def _sensors(options: CorrectOptions) -> dict[str, Sensor]:
+    turn = math.radians(options.rotation_deg)
+    return {
+        "joints": Sensor(sigma=math.radians(options.joint_deg)),
+        "objects": Sensor(delay_s=options.delay_s, loss=options.loss, sigma=options.position_m, turn_sigma_rad=turn),
+        "displacement": Sensor(delay_s=options.delay_s, loss=options.loss, sigma=turn),
+    }
