@@ -113,9 +113,9 @@ def check(
     """
     if contract.settings.get(PRIVILEGED) and not teacher:
         raise RuleError(
-            f"the policy is a teacher of `{contract.task}`: it sees the state of the simulator, which no robot measures",
+            f"the teacher of `{contract.task}` sees the state of the simulator, which no robot measures",
             code="DXB-B518",
-            hint="teach a student that sees less: `demonstrate.correct`, then `learn.bc_rnn` or another imitation",
+            hint="teach a student that sees less: `demonstrate.teach`, then `learn.bc_rnn` or another imitation",
         )
     found = differences(contract, of_bundle(bundle, view, rate_hz, terms))
     if found:

@@ -18,7 +18,7 @@ class PpoOptions(Options):
     """Input channels of the deployable observation; `joints` and `previous_action` are required."""
     privileged: bool = False
     """Whether the policy sees what its critic sees: contact forces, velocities, the surface of the object. It is then a
-    teacher, which acts in simulation only; `demonstrate.correct` has it correct a student."""
+    teacher, which acts in simulation only; `demonstrate.teach` has it correct a student."""
     groups: tuple[Group, ...] = ("arm",)
     """Groups of controlled joints; all others are fixed as in `grip`."""
     control: Literal["palm", "joints"] = "palm"

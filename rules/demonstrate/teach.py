@@ -1,4 +1,4 @@
-"""demonstrate.correct: a teacher says at every step of a student what it would have done (DAgger)."""
+"""demonstrate.teach: a teacher says at every step of a student what it would have done (DAgger)."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.statistics import wilson
 
 
-class CorrectOptions(Options):
-    """Options of demonstrate.correct."""
+class TeachOptions(Options):
+    """Options of demonstrate.teach."""
 
     episodes: PositiveInt = 50
     """Number of episodes."""
@@ -45,10 +45,10 @@ class CorrectOptions(Options):
     """Probability that a measurement of poses is lost, so that it sees the previous one, 0..1."""
 
 
-class CorrectBackend(Protocol):
-    """Interface of a backend of demonstrate.correct."""
+class TeachBackend(Protocol):
+    """Interface of a backend of demonstrate.teach."""
 
-    def correct(
+    def teach(
         self,
         ctx: Context,
         bundle: TaskBundle,
@@ -57,7 +57,7 @@ class CorrectBackend(Protocol):
         view: View | None,
         seeds: list[int],
         terms: tuple[TermSpec, ...],
-        common: CorrectOptions,
+        common: TeachOptions,
         options: Any,
     ) -> Iterator[tuple[Episode, float]]:
         """Each seed's episode, and the mean difference of the targets of teacher and student [rad]."""
@@ -72,15 +72,15 @@ class CorrectBackend(Protocol):
     tolerance=Tolerance({"items": math.inf}, metrics={"success": 20.0, "apart": math.inf}),
     runs={"bundle": "primitive", "teacher": "policy", "student": "policy", "terms": ""},
 )
-def correct(
-    ctx: Context[CorrectBackend],
+def teach(
+    ctx: Context[TeachBackend],
     bundle: TaskBundle,
     teacher: Checkpoint,
     student: Checkpoint | None = None,
     view: View | None = None,
     terms: Collection[TermSpec] | None = None,
     *,
-    options: CorrectOptions,
+    options: TeachOptions,
 ) -> Episodes:
     """Return episodes in which a student acts and every label is its teacher's, in the base frame [m, rad].
 
@@ -93,9 +93,9 @@ def correct(
     added = listed(terms)
     if student is not None:
         contracts.check(student.contract, bundle, view=view, terms=added)
-    seeds = [seed_of("correction", options.seed, options.first + number) for number in range(options.episodes)]
+    seeds = [seed_of("lesson", options.seed, options.first + number) for number in range(options.episodes)]
     items, apart = dict[str, Episode](), list[float]()
-    made = ctx.backend.correct(ctx, bundle, teacher, student, view, seeds, added, options, ctx.backend_options)
+    made = ctx.backend.teach(ctx, bundle, teacher, student, view, seeds, added, options, ctx.backend_options)
     for number, (episode, difference) in enumerate(made):
         items[f"{options.first + number:05d}"] = episode
         apart.append(difference)

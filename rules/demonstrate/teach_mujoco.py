@@ -1,4 +1,4 @@
-"""demonstrate.correct in MuJoCo."""
+"""demonstrate.teach in MuJoCo."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from dextera_build.sim.runtime.policies import load
 from dextera_build.sim.training.teaching import Teacher, lesson
 
 if TYPE_CHECKING:
-    from .correct import CorrectOptions
+    from .teach import TeachOptions
 
 BACKEND = Backend(
     summary="MuJoCo; networks by torch on one thread",
@@ -37,7 +37,7 @@ TRIES = 10
 """Maximum draws of a start."""
 
 
-def correct(
+def teach(
     ctx: Context,
     bundle: TaskBundle,
     teacher: Checkpoint,
@@ -45,7 +45,7 @@ def correct(
     view: View | None,
     seeds: list[int],
     terms: tuple[TermSpec, ...],
-    common: CorrectOptions,
+    common: TeachOptions,
     options: Options,
 ) -> Iterator[tuple[Episode, float]]:
     """Each seed's episode; a start that cannot be drawn is replaced by the next that can."""
@@ -74,7 +74,7 @@ def _drawn(environment: Environment, seed: int) -> Start:
     return environment.draw(seed + TRIES)
 
 
-def _sensors(options: CorrectOptions) -> dict[str, Sensor]:
+def _sensors(options: TeachOptions) -> dict[str, Sensor]:
     turn = math.radians(options.rotation_deg)
     return {
         "joints": Sensor(sigma=math.radians(options.joint_deg)),

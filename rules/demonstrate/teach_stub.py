@@ -1,4 +1,4 @@
-"""demonstrate.correct without a simulator: nothing moves, and every episode succeeds."""
+"""demonstrate.teach without a simulator: nothing moves, and every episode succeeds."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.runtime.fake_trials import fake_trial
 
 if TYPE_CHECKING:
-    from .correct import CorrectOptions
+    from .teach import TeachOptions
 
 BACKEND = Backend(summary="no simulation: nothing moves, and every episode succeeds", profiles=("stub",))
 
 
-def correct(
+def teach(
     ctx: Context,
     bundle: TaskBundle,
     teacher: Checkpoint,
@@ -26,7 +26,7 @@ def correct(
     view: View | None,
     seeds: list[int],
     terms: tuple[TermSpec, ...],
-    common: CorrectOptions,
+    common: TeachOptions,
     options: Options,
 ) -> Iterator[tuple[Episode, float]]:
     """Motionless episodes."""

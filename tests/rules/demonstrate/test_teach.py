@@ -1,4 +1,4 @@
-"""demonstrate.correct: what a student sees, what its teacher answers, and that the answers help."""
+"""demonstrate.teach: what a student sees, what its teacher answers, and that the answers help."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ def teacher(tmp_path_factory: pytest.TempPathFactory) -> Checkpoint:
     return taught(tmp_path_factory.mktemp("teacher"))
 
 
-def correct(
+def teach(
     tmp_path: Path, teacher: Checkpoint, student: Checkpoint | None = None, backend: str = "mujoco", **options: Any
 ) -> Episodes:
     makers = {"teacher": "learn.ppo", "student": "learn.act"}
     given = {"teacher": teacher} if student is None else {"teacher": teacher, "student": student}
     runner = RuleRunner(tmp_path, made_by={slot: makers[slot] for slot in given})
-    made = runner.run("demonstrate.correct", backend=backend, bundle=BUNDLE, options=options, **given)
+    made = runner.run("demonstrate.teach", backend=backend, bundle=BUNDLE, options=options, **given)
     assert isinstance(made, Episodes)
     return made
 
@@ -52,7 +52,7 @@ def untrained() -> Checkpoint:
 
 
 def test_labels_are_what_the_teacher_would_do_in_the_true_state(tmp_path: Path, teacher: Checkpoint) -> None:
-    made = correct(tmp_path, teacher, untrained(), episodes=1, position_m=0.01).items["00000"]
+    made = teach(tmp_path, teacher, untrained(), episodes=1, position_m=0.01).items["00000"]
     environment = Environment(BUNDLE)
     asked = Teacher(policies.runner("ppo"), teacher, environment)
     environment.begin(made.start)
@@ -63,7 +63,7 @@ def test_labels_are_what_the_teacher_would_do_in_the_true_state(tmp_path: Path, 
 
 
 def test_without_a_student_the_teacher_acts(tmp_path: Path, teacher: Checkpoint) -> None:
-    made = correct(tmp_path, teacher, episodes=2, first=7, **EXACT)
+    made = teach(tmp_path, teacher, episodes=2, first=7, **EXACT)
     assert list(made.items) == ["00007", "00008"]
     environment = Environment(BUNDLE)
     for one in made.items.values():
@@ -73,8 +73,8 @@ def test_without_a_student_the_teacher_acts(tmp_path: Path, teacher: Checkpoint)
 
 
 def test_noise_is_what_the_student_sees_and_changes_no_start(tmp_path: Path, teacher: Checkpoint) -> None:
-    exact = correct(tmp_path, teacher, episodes=1, **EXACT).items["00000"]
-    noisy = correct(tmp_path, teacher, episodes=1, position_m=0.004, rotation_deg=2.0, loss=0.0).items["00000"]
+    exact = teach(tmp_path, teacher, episodes=1, **EXACT).items["00000"]
+    noisy = teach(tmp_path, teacher, episodes=1, position_m=0.004, rotation_deg=2.0, loss=0.0).items["00000"]
     np.testing.assert_array_equal(noisy.start.qpos, exact.start.qpos)
     np.testing.assert_array_equal(noisy.action, exact.action)
     error = (noisy.objects - exact.objects)[..., :3]
@@ -83,27 +83,27 @@ def test_noise_is_what_the_student_sees_and_changes_no_start(tmp_path: Path, tea
 
 
 def test_a_lost_measurement_leaves_the_previous_one(tmp_path: Path, teacher: Checkpoint) -> None:
-    made = correct(tmp_path, teacher, episodes=1, position_m=0.004, loss=0.5).items["00000"].objects[:, 0, :3]
+    made = teach(tmp_path, teacher, episodes=1, position_m=0.004, loss=0.5).items["00000"].objects[:, 0, :3]
     same = (made[1:] == made[:-1]).all(axis=1)
     assert 0.3 < same.mean() < 0.7
 
 
 def test_a_round_repeats_bit_for_bit(tmp_path: Path, teacher: Checkpoint) -> None:
-    one, other = (correct(tmp_path / name, teacher, untrained(), episodes=1, led=0.5) for name in "ab")
+    one, other = (teach(tmp_path / name, teacher, untrained(), episodes=1, led=0.5) for name in "ab")
     np.testing.assert_array_equal(one.items["00000"].executed, other.items["00000"].executed)
     np.testing.assert_array_equal(one.items["00000"].objects, other.items["00000"].objects)
 
 
 def test_led_by_the_teacher_nothing_is_the_students(tmp_path: Path, teacher: Checkpoint) -> None:
-    made = correct(tmp_path, teacher, untrained(), episodes=1, led=1.0).items["00000"]
-    alone = correct(tmp_path, teacher, episodes=1).items["00000"]
+    made = teach(tmp_path, teacher, untrained(), episodes=1, led=1.0).items["00000"]
+    alone = teach(tmp_path, teacher, episodes=1).items["00000"]
     np.testing.assert_array_equal(made.executed, alone.executed)
 
 
 def test_a_teacher_runs_nowhere_else(teacher: Checkpoint) -> None:
-    with pytest.raises(RuleError, match="is a teacher: it sees the state of the simulator") as caught:
+    with pytest.raises(RuleError, match="sees the state of the simulator") as caught:
         policies.load(teacher, BUNDLE)
-    assert "demonstrate.correct" in str(caught.value.hint)
+    assert "demonstrate.teach" in str(caught.value.hint)
 
 
 def test_a_policy_that_remembers_is_no_teacher(tmp_path: Path) -> None:
@@ -113,18 +113,18 @@ def test_a_policy_that_remembers_is_no_teacher(tmp_path: Path) -> None:
 
 
 def test_the_stub_needs_no_simulator(tmp_path: Path, teacher: Checkpoint) -> None:
-    assert len(correct(tmp_path, teacher, backend="stub", episodes=3).items) == 3
+    assert len(teach(tmp_path, teacher, backend="stub", episodes=3).items) == 3
 
 
 @pytest.mark.slow
 def test_a_student_that_sees_less_learns_to_close_a_lid(tmp_path: Path) -> None:
     """A teacher on privileged state, two rounds of correction, and a student that succeeds about as often."""
     teacher = taught(tmp_path, steps=20_000, worlds=8, rollout=32, batch=128, epochs=10, width=64)
-    rounds = {"0": correct(tmp_path, teacher, episodes=20)}
+    rounds = {"0": teach(tmp_path, teacher, episodes=20)}
     student = None
     for number in (1, 2):
         student = learned(tmp_path, rounds)
-        rounds[str(number)] = correct(tmp_path, teacher, student, episodes=20, first=20 * number)
+        rounds[str(number)] = teach(tmp_path, teacher, student, episodes=20, first=20 * number)
     student = learned(tmp_path, rounds)
     shown = sum(one.success for one in rounds["0"].items.values())
     assert shown >= 10
