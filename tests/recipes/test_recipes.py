@@ -19,7 +19,7 @@ RECIPES = [address for address, _ in PROJECT.recipes()]
 INPUTS = {
     "twin/from_photo": {"photo": "reference/laptop_scene:capture"},
     "task/line": {name: f"task/close_laptop:{name}" for name in ("task", "reference", "view", "cell")},
-    "task/taught": {"task": "task/close_laptop:task"},
+    "task/taught": {"task": "task/lift_blue_mug:task"},
     "task/on_laptop_scene": {"task": "task/close_laptop:task"},
     "task/shown": {
         "scene": "twin/bus_table:scene",
