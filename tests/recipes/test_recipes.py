@@ -39,6 +39,14 @@ INPUTS = {
         "cell": "task/kl/lift_mustard_bottle:cell",
         "view": "task/kl/lift_mustard_bottle:view",
     },
+    "policy/pair": {
+        "task": "task/kl/lift_mustard_bottle:task",
+        "episodes": "task/kl/lift_mustard_bottle:episodes",
+        "recorded": "dataset/kl/lift_mustard_bottle:data.recorded",
+        "believed": "task/kl/lift_mustard_bottle:believed",
+        "reference": "task/kl/lift_mustard_bottle:reference",
+        "cell": "task/kl/lift_mustard_bottle:cell",
+    },
     "capture/cameras": {"robot": "robot/kuka_leap"},
     "reference/calibrated": {
         "robot": "robot/kuka_leap",
