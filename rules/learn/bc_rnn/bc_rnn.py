@@ -14,7 +14,7 @@ from dextera_build.rule import Context, rule
 
 from .bc_rnn_options import BcRnnOptions
 
-SETTINGS = ("horizon", "hidden", "layers", "modes", "pick", "seed")
+SETTINGS = ("horizon", "hidden", "layers", "modes", "least_std", "pick", "seed")
 
 
 @rule(version=1, packages=("numpy",), memory_gb=2.0, tolerance=TOLERANCE)

@@ -20,8 +20,6 @@ from dextera_build.learning.eye import Eye
 from dextera_build.learning.samples import Batch
 from dextera_build.policy import features
 
-LEAST_STD = 1e-4
-"""Least standard deviation of a Gaussian, in those of the actions; robomimic's."""
 SEEN = 64
 """Features of an image; robomimic's."""
 
@@ -39,6 +37,8 @@ class Sizes:
     """LSTM layers."""
     modes: int = 5
     """Gaussians in the distribution of an action."""
+    least_std: float = 0.05
+    """Least standard deviation of a Gaussian, in those of the actions."""
     located: int = 0
     """Numbers in the pose and joints of the task's object, an auxiliary target of image policies."""
 
@@ -49,7 +49,8 @@ class Sizes:
     @classmethod
     def of(cls, settings: Mapping[str, float | int | str | bool]) -> Sizes:
         """The sizes from `settings()`; other settings are ignored."""
-        return cls(**{name: int(settings[name]) for name in cls.__dataclass_fields__ if name in settings})
+        known = asdict(cls())
+        return cls(**{name: type(known[name])(settings[name]) for name in known if name in settings})
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,7 @@ class BcRnn(nn.Module):
 
     def __init__(self, sizes: Sizes, inputs: Mapping[str, int], actions: int, *, looks: bool = False) -> None:
         super().__init__()
-        self._inputs, self._shape = tuple(inputs), (sizes.modes, actions)
+        self._inputs, self._shape, self._least_std = tuple(inputs), (sizes.modes, actions), sizes.least_std
         self.eye = Eye(SEEN) if looks else None
         self.locate = nn.Linear(SEEN, sizes.located) if looks and sizes.located else None
         taken = sum(inputs.values()) + (SEEN if looks else 0)
@@ -113,7 +114,7 @@ class BcRnn(nn.Module):
         seen = self.see(inputs) if seen is None else seen
         read, state = self.lstm(torch.cat(parts if seen is None else [*parts, seen], dim=-1), state)
         means = self.means(read).unflatten(-1, self._shape)
-        stds = F.softplus(self.spreads(read)).unflatten(-1, self._shape) + LEAST_STD
+        stds = F.softplus(self.spreads(read)).unflatten(-1, self._shape) + self._least_std
         return Modes(self.logits(read), means, stds), state
 
     def see(self, inputs: Mapping[str, Tensor]) -> Tensor | None:

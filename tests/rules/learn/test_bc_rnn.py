@@ -21,31 +21,31 @@ from tests.policy.policies import load, runner
 from tests.rules.learn.trainings import BUNDLE, Trainings, filmed, miss
 
 RNN = Trainings("learn.bc_rnn", {"steps": 30, "hidden": 16, "horizon": 5, "batch": 16, "held_out": 0.25})
-ACT = Trainings("learn.act", {"steps": 150, "width": 16, "heads": 2, "chunk": 1, "batch": 32, "rate": 3e-3})
+ACT = Trainings("learn.act", {"width": 16, "heads": 2, "chunk": 1})
 STEPS, CUE = 10, 3
-"""Steps of an episode whose action depends on what is seen in its first `CUE` steps."""
-LATE = {"inputs": ("objects",), "steps": 150, "hidden": 24, "batch": 32, "rate": 1e-2, "held_out": 0.0}
+"""Steps of an episode, and the first of these in which is seen what the action depends on."""
+QUICK = {"inputs": ("objects",), "steps": 150, "batch": 32, "rate": 1e-2, "warm_up": 10, "held_out": 0.0}
 learn = RNN.learn
 
 
 def changed(count: int, steps: int, actions: np.ndarray, places: np.ndarray) -> Episodes:
-    """Episodes in which joint 1 is sent to `actions` and the box is seen at x = `places` [m], (count, steps) each."""
+    """Episodes that are alike, except that joint 1 is sent to `actions` and the box is seen at x = `places` [m], (count, steps) each."""
     data = episodes.small(count, steps)
-    items = {}
+    first, items = data.items["0"], {}
     for (name, one), sent, seen in zip(data.items.items(), actions, places, strict=True):
-        objects = np.tile(one.objects[:1], (steps, 1, 1))
+        objects = np.tile(first.objects[:1], (steps, 1, 1))
         objects[:, 0, 0] = seen
-        action = np.tile(one.action[:1], (steps, 1))
+        action = np.tile(first.action[:1], (steps, 1))
         action[:, 0] = sent
         items[name] = episodes.observed(one.model_copy(update={"action": action}), objects=objects)
     return data.model_copy(update={"items": items})
 
 
 def remembered() -> Episodes:
-    """Joint 1 goes to 0.5 or -0.5 rad after step 5; the box tells which before step 3, and is then seen in one place."""
+    """Joint 1 goes to 0.5 or -0.5 rad; where the box is before step `CUE` tells which, afterwards it does not."""
     sides = np.tile([1.0, -1.0], 4)[:, None]
-    at = np.arange(STEPS)
-    return changed(8, STEPS, np.where(at >= 5, 0.5 * sides, 0.0), np.where(at < CUE, 0.4 + 0.05 * sides, 0.4))
+    places = np.where(np.arange(STEPS) < CUE, 0.4 + 0.05 * sides, 0.4)
+    return changed(8, STEPS, 0.5 * sides * np.ones(STEPS), places)
 
 
 def sent(made: Checkpoint, data: Episodes, name: str, steps: int = STEPS) -> np.ndarray:
@@ -61,17 +61,18 @@ def sent(made: Checkpoint, data: Episodes, name: str, steps: int = STEPS) -> np.
 
 def test_it_remembers_what_was_seen_earlier_in_the_horizon(tmp_path: Path) -> None:
     data = remembered()
-    made = learn(tmp_path, data, **LATE | {"horizon": STEPS})
-    late = [sent(made, data, name)[6:, 0] for name in ("0", "1")]
-    np.testing.assert_allclose(late, np.array([0.5, -0.5])[:, None] * np.ones(4), atol=0.05)
+    made = learn(tmp_path, data, **QUICK | {"horizon": STEPS, "hidden": 24})
+    late = [sent(made, data, name)[CUE:, 0] for name in ("0", "1")]
+    np.testing.assert_allclose(late, np.array([0.5, -0.5])[:, None] * np.ones(STEPS - CUE), atol=0.1)
 
 
 def test_a_policy_without_memory_cannot_learn_it(tmp_path: Path) -> None:
     """Which shows that the test above asks for memory."""
     data = remembered()
-    made = ACT.learn(tmp_path, data, inputs=("objects",), held_out=0.0)
-    first, second = (sent(made, data, name)[6:, 0] for name in ("0", "1"))
-    np.testing.assert_allclose(first, second, atol=1e-6)
+    made = ACT.learn(tmp_path, data, **QUICK)
+    first, second = (sent(made, data, name)[:, 0] for name in ("0", "1"))
+    assert first[0] > 0.3 > -0.3 > second[0], "it learned what it sees"
+    np.testing.assert_allclose(first[CUE:], second[CUE:], atol=1e-6)
 
 
 def test_it_forgets_at_the_horizon_and_at_the_start_of_an_episode(tmp_path: Path) -> None:
@@ -96,12 +97,12 @@ def test_it_forgets_at_the_horizon_and_at_the_start_of_an_episode(tmp_path: Path
 def test_ways_that_were_shown_are_kept_apart(tmp_path: Path) -> None:
     """Seeing the same, half of the demonstrations go to 0.5 rad and half to -0.5 rad; none goes between."""
     data = changed(8, STEPS, 0.5 * np.tile([1.0, -1.0], 4)[:, None] * np.ones(STEPS), np.full((8, STEPS), 0.4))
-    more = LATE | {"pick": "drawn"}
+    more = QUICK | {"pick": "drawn"}
     drawn = sent(learn(tmp_path, data, **more), data, "0", 40)[:, 0]
     assert np.abs(np.abs(drawn) - 0.5).max() < 0.05
     assert 10 < (drawn > 0).sum() < 30, "each as often as it was shown"
     np.testing.assert_array_equal(drawn, sent(learn(tmp_path, data, **more), data, "0", 40)[:, 0])
-    picked = sent(learn(tmp_path, data, **LATE), data, "0", 40)[:, 0]
+    picked = sent(learn(tmp_path, data, **QUICK), data, "0", 40)[:, 0]
     assert np.abs(np.abs(picked) - 0.5).max() < 0.05
     assert len(np.unique(picked[:5] > 0)) == 1
 
@@ -110,7 +111,7 @@ def test_targets_far_from_the_mean_are_reached(tmp_path: Path) -> None:
     """One step in ten goes to 1 rad, three standard deviations from the mean; a bound of -1..1 would cut it off."""
     at = np.arange(STEPS)
     data = changed(4, STEPS, np.tile(at == 4, (4, 1)).astype(float), np.tile(0.3 + 0.02 * at, (4, 1)))
-    made = learn(tmp_path, data, **LATE)
+    made = learn(tmp_path, data, **QUICK)
     action = made.contract.action
     assert (1.0 - action.mean[0]) / action.scale[0] == pytest.approx(3.0, abs=0.01)
     np.testing.assert_allclose(sent(made, data, "0")[:, 0], at == 4, atol=0.1)
