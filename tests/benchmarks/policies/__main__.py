@@ -5,9 +5,9 @@
     python -m tests.benchmarks.policies --task task/close_laptop --steps 20000 --hidden 400 --batch 100 --rate 1e-4
 
 Without `--task`, a gantry of five joints lifts a box; with it, task and episodes are nodes of a built recipe. Both see
-joints, poses and joints of all objects, and the goal, normalised by mean and standard deviation. Actions of robomimic
-are scaled to -1..1, as it demands. Its learning rate is constant, that of dxb decays. Seconds are processor seconds of
-one thread.
+joints, poses and joints of all objects, and the goal. That of dxb normalises them and its actions by mean and standard
+deviation; robomimic 0.3 cannot normalise observations in sequences, and demands actions scaled to -1..1. Its learning
+rate is constant, that of dxb decays. Seconds are processor seconds of one thread.
 """
 
 from __future__ import annotations

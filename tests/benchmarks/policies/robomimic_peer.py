@@ -39,7 +39,7 @@ def configured(given: dict[str, Any], keys: list[str]) -> Any:
     with config.values_unlocked():
         config.train.data, config.train.seq_length = given["file"], given["horizon"]
         config.train.batch_size, config.train.seed = given["batch"], given["seed"]
-        config.train.hdf5_normalize_obs, config.train.hdf5_cache_mode = True, "all"
+        config.train.hdf5_cache_mode = "all"
         config.observation.modalities.obs.low_dim = keys
         algo = config.algo
         algo.actor_layer_dims = ()
@@ -60,17 +60,16 @@ def trained(given: dict[str, Any], keys: list[str]) -> tuple[RolloutPolicy, dict
     np.random.seed(given["seed"])
     model = algo_factory("bc", config, shapes["all_shapes"], shapes["ac_dim"], torch.device("cpu"))
     data, _ = train_utils.load_data_for_training(config, obs_keys=shapes["all_obs_keys"])
-    means = data.get_obs_normalization_stats()
     loader = DataLoader(data, batch_size=given["batch"], shuffle=True, drop_last=True)
     before = time.process_time()
-    told = train_utils.run_epoch(model, loader, 1, num_steps=given["steps"], obs_normalization_stats=means)
+    told = train_utils.run_epoch(model, loader, 1, num_steps=given["steps"])
     facts = {
         "seconds": time.process_time() - before,
         "numbers": sum(each.numel() for each in model.nets.parameters()),
         "loss": told["Loss"],
         "version": robomimic.__version__,
     }
-    return RolloutPolicy(model, obs_normalization_stats=means), facts
+    return RolloutPolicy(model), facts
 
 
 def main(setting: Path) -> None:
