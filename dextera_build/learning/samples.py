@@ -78,5 +78,5 @@ class Samples:
 
 
 def pixels(frames: Tensor) -> Tensor:
-    """Convert (..., H, W, 3) uint8 images to (..., 3, H, W) float32 in -1 to 1."""
-    return frames.movedim(-1, -3).to(torch.float32).div_(127.5).sub_(1.0)
+    """Convert (B, H, W, 3) uint8 images to (B, 3, H, W) float32 in -1 to 1."""
+    return frames.permute(0, 3, 1, 2).to(torch.float32).div_(127.5).sub_(1.0)

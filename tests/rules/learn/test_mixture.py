@@ -18,8 +18,7 @@ from dextera_build.policy.observation import Measurement, deployable
 from dextera_build.testing import RuleRunner
 from tests import episodes
 from tests.policy.policies import load
-from tests.rules.learn.imitation import BUNDLE, filmed
-from tests.rules.learn.test_act import SMALL, learn
+from tests.rules.learn.test_act import BUNDLE, SMALL, filmed, learn
 
 
 def mixed(tmp_path: Path, weights: Mapping[str, int], **sets: Episodes) -> Mixture:
