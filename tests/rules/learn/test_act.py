@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import io
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,45 +12,17 @@ import pytest
 from PIL import Image
 from pydantic import ValidationError
 
-from dextera_build.artifacts.tasks.episode import Episode, Episodes, Film
-from dextera_build.artifacts.tasks.mixture import Mixture
-from dextera_build.artifacts.tasks.policy import Checkpoint
+from dextera_build.artifacts.tasks.episode import Episode
 from dextera_build.errors import RuleError
-from dextera_build.learning import training, weights
+from dextera_build.learning import weights
 from dextera_build.policy.observation import PICTURE, Frame, Measurement, deployable
-from dextera_build.rule import Context
 from dextera_build.testing import RuleRunner
 from tests import episodes
 from tests.policy.policies import load
+from tests.rules.learn.trainings import BUNDLE, Trainings, filmed, miss
 
-BUNDLE = episodes.bundle()
-SMALL = {"steps": 30, "width": 16, "heads": 2, "chunk": 5, "batch": 16, "held_out": 0.25}
-
-
-def learn(tmp_path: Path, data: Episodes | Mixture, backend: str = "torch", **more: Any) -> Checkpoint:
-    film = {name: more.pop(name) for name in ("film", "films") if name in more}
-    made = RuleRunner(tmp_path).run(
-        "learn.act", backend=backend, bundle=BUNDLE, episodes=data, options=SMALL | more, **film
-    )
-    assert isinstance(made, Checkpoint)
-    return made
-
-
-def filmed(data: Episodes, height: int = 32, width: int = 48) -> Film:
-    """A film in which a bright square stands where the box is."""
-    return Film(
-        frames={name: _frames(one, height, width) for name, one in data.items.items()}, width=width, height=height
-    )
-
-
-def _frames(one: Episode, height: int, width: int) -> bytes:
-    frames = np.zeros((len(one.action), height, width, 3), np.uint8)
-    for frame, position in zip(frames, one.objects[:, 0, :2], strict=True):
-        row, column = (
-            int(size / 2 + 100 * (value - 0.4)) for size, value in zip((height, width), position, strict=True)
-        )
-        frame[max(0, row - 4) : max(0, row + 4), max(0, column - 4) : max(0, column + 4)] = 255
-    return Film.packed(frames)
+ACT = Trainings("learn.act", {"steps": 30, "width": 16, "heads": 2, "chunk": 5, "batch": 16, "held_out": 0.25})
+learn, interrupted = ACT.learn, ACT.interrupted
 
 
 @pytest.mark.slow
@@ -59,18 +30,7 @@ def test_it_learns_what_was_shown(tmp_path: Path) -> None:
     """A policy that saw 16 swings towards a box reaches boxes that stand elsewhere."""
     made = learn(tmp_path, episodes.small(16, 30), steps=500, width=32, batch=32)
     assert made.curve[-1] < 0.2 * made.curve[0]
-    policy = load(made, BUNDLE)
-    missed = []
-    for seed in range(100, 106):
-        shown = episodes.episode(30, seed=seed)
-        joints = sent = shown.start.ctrl
-        policy.reset()
-        for step in range(30):
-            seen = Measurement(joints, shown.objects[step], shown.displacement[step])
-            joints = sent = policy.act(deployable(seen, sent, shown.goal))
-        missed.append(np.abs(joints - shown.joints[-1]).max())
-    swing = np.abs(shown.joints[-1] - shown.joints[0]).max()
-    assert np.median(missed) < 0.1 * swing
+    assert miss(made) < 0.1
 
 
 def test_the_same_inputs_give_the_same_bytes(tmp_path: Path) -> None:
@@ -96,57 +56,18 @@ def test_neither_threads_nor_the_global_generator_matter(tmp_path: Path) -> None
         torch.set_num_threads(before)
 
 
-class Killed(Exception):  # noqa: N818 - it stands for a signal
-    """The process ends here."""
-
-
-def interrupted(folder: Path, data: Episodes, stop: int | None, monkeypatch: pytest.MonkeyPatch, **more: Any) -> Any:
-    """A training that is killed after `stop` steps; its logged lines and its checkpoint, if it got that far."""
-    runner = RuleRunner(folder)
-    found = runner.find("learn.act")
-    module = found.backends["torch"].module
-    monkeypatch.setattr(training, "SAVE_EVERY_S", 0.0)
-    lines: list[str] = []
-
-    def emit(kind: str, event: Mapping[str, object]) -> None:
-        if kind == "log":
-            lines.append(str(event["text"]))
-        elif event["done"] == stop:
-            raise Killed
-
-    ctx = Context(module, scratch=folder / "scratch", emit=emit, keep=folder / "keep")
-    options = found.rule.options.model_validate(SMALL | more)
-    try:
-        return found.rule(ctx, BUNDLE, data, **_film(data, more), options=options), lines
-    except Killed:
-        return None, lines
-
-
-def _film(data: Episodes, more: Mapping[str, Any]) -> dict[str, Film]:
-    return {"film": filmed(data)} if "rgb" in more.get("inputs", ()) else {}
-
-
 @pytest.mark.parametrize("more", [{"jitter": 0.02}, {"inputs": ("joints", "rgb"), "steps": 12}])
 def test_a_training_that_was_killed_ends_with_the_same_bytes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: dict[str, Any]
 ) -> None:
-    data = episodes.small(4)
-    whole, _ = interrupted(tmp_path / "whole", data, None, monkeypatch, **more)
-    for stop in (3, 7, 11):
-        nothing, _ = interrupted(tmp_path / "cut", data, stop, monkeypatch, **more)
-        assert nothing is None
-    rest, lines = interrupted(tmp_path / "cut", data, None, monkeypatch, **more)
-    assert lines[0] == "resumes after step 11"
-    assert rest.weights == whole.weights
-    np.testing.assert_array_equal(rest.curve, whole.curve)
-    np.testing.assert_array_equal(rest.steps, whole.steps)
+    ACT.assert_resumes(tmp_path, monkeypatch, **more)
 
 
 def test_the_state_of_another_training_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     data = episodes.small(4)
     interrupted(tmp_path, data, 7, monkeypatch)
     _, lines = interrupted(tmp_path, data, None, monkeypatch, seed=1)
-    assert not [line for line in lines if line.startswith("goes on")]
+    assert not [line for line in lines if line.startswith("resumes")]
 
 
 def test_a_damaged_state_begins_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -156,7 +77,7 @@ def test_a_damaged_state_begins_anew(tmp_path: Path, monkeypatch: pytest.MonkeyP
     (file,) = (tmp_path / "cut" / "keep").iterdir()
     file.write_bytes(file.read_bytes()[:-10])
     rest, lines = interrupted(tmp_path / "cut", data, None, monkeypatch)
-    assert not [line for line in lines if line.startswith("goes on")]
+    assert not [line for line in lines if line.startswith("resumes")]
     assert rest.weights == whole.weights
 
 
@@ -263,7 +184,7 @@ def test_the_stub_gives_a_checkpoint_of_the_same_form(tmp_path: Path) -> None:
 
 def test_it_reports_loss_and_curve(tmp_path: Path) -> None:
     runner = RuleRunner(tmp_path)
-    runner.run("learn.act", bundle=BUNDLE, episodes=episodes.small(4), options=SMALL)
+    runner.run("learn.act", bundle=BUNDLE, episodes=episodes.small(4), options=dict(ACT.small))
     assert runner.outcome.line.startswith("3 episodes, 30 steps, loss 0.")
     assert runner.outcome.metrics["held-out error"][1] == "mrad"
     ((caption, picture),) = runner.outcome.previews

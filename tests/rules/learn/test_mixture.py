@@ -18,7 +18,8 @@ from dextera_build.policy.observation import Measurement, deployable
 from dextera_build.testing import RuleRunner
 from tests import episodes
 from tests.policy.policies import load
-from tests.rules.learn.test_act import BUNDLE, SMALL, filmed, learn
+from tests.rules.learn.test_act import ACT, learn
+from tests.rules.learn.trainings import BUNDLE, filmed
 
 
 def mixed(tmp_path: Path, weights: Mapping[str, int], **sets: Episodes) -> Mixture:
@@ -43,7 +44,7 @@ def test_every_batch_of_a_mixture_has_exactly_its_share(tmp_path: Path, monkeypa
     monkeypatch.setattr(Samples, "at", lambda own, rows: sampled.append(rows) or plain(own, rows))
     learn(tmp_path, data, batch=16, held_out=0.0)
     first = 2 * 20  # `reference` comes before `twin`
-    assert len(sampled) == SMALL["steps"]
+    assert len(sampled) == ACT.small["steps"]
     assert {(int((rows < first).sum()), int((rows >= first).sum())) for rows in sampled} == {(4, 12)}
     assert len(np.unique(np.concatenate(sampled))) == 10 * 20, "both sets are seen as a whole"
 

@@ -1,0 +1,154 @@
+"""The BC-RNN-GMM network: an LSTM that gives a mixture of Gaussians (Mandlekar et al. 2021, arXiv 2108.03298).
+
+The original bounds the means of the Gaussians by tanh, because its actions are scaled to -1..1. Here actions are
+normalised by their mean and standard deviation and have no bound, so means are linear in the state of the LSTM. That
+state is within -1..1, so means are bounded for any input, and the policy keeps targets within joint limits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from dextera_build.artifacts.tasks.policy import PolicyContract
+from dextera_build.learning.eye import Eye
+from dextera_build.learning.samples import Batch
+from dextera_build.policy import features
+
+SEEN = 64
+"""Features of an image; robomimic's."""
+
+State = tuple[Tensor, Tensor]
+"""Hidden state and cell (L, B, H) of the LSTM after a step."""
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Sizes of the network; with the widths of its inputs they determine the shape of every weight."""
+
+    hidden: int = 128
+    """Size of the state of an LSTM layer."""
+    layers: int = 2
+    """LSTM layers."""
+    modes: int = 5
+    """Gaussians in the distribution of an action."""
+    least_std: float = 0.05
+    """Least standard deviation of a Gaussian, in those of the actions."""
+    located: int = 0
+    """Numbers in the pose and joints of the task's object, an auxiliary target of image policies."""
+
+    def settings(self) -> dict[str, float | int | str | bool]:
+        """The settings stored in `PolicyContract.settings`."""
+        return dict(asdict(self))
+
+    @classmethod
+    def of(cls, settings: Mapping[str, float | int | str | bool]) -> Sizes:
+        """The sizes from `settings()`; other settings are ignored."""
+        known = asdict(cls())
+        return cls(**{name: type(known[name])(settings[name]) for name in known if name in settings})
+
+
+@dataclass(frozen=True)
+class Modes:
+    """A mixture of M Gaussians over each action, independent between its A components."""
+
+    logits: Tensor
+    """Logarithms of the weights, up to a constant (B, T, M)."""
+    means: Tensor
+    """Normalised actions (B, T, M, A)."""
+    stds: Tensor
+    """Standard deviations (B, T, M, A)."""
+
+    def log_likelihood(self, actions: Tensor) -> Tensor:
+        """Logarithm of the density (B, T) at actions (B, T, A)."""
+        off = (actions[..., None, :] - self.means) / self.stds
+        each = -0.5 * off.square() - self.stds.log() - 0.5 * math.log(2 * math.pi)
+        return torch.logsumexp(self.logits.log_softmax(dim=-1) + each.sum(dim=-1), dim=-1)
+
+    def likeliest(self) -> Tensor:
+        """Means (B, T, A) of the Gaussians of greatest weight."""
+        return self.of(self.logits.argmax(dim=-1))
+
+    def of(self, chosen: Tensor) -> Tensor:
+        """Means (B, T, A) of the Gaussians with numbers (B, T)."""
+        return self.means.take_along_dim(chosen[..., None, None], dim=-2).squeeze(-2)
+
+
+class BcRnn(nn.Module):
+    """The policy network.
+
+    Args:
+        sizes: Sizes of the network.
+        inputs: Channel -> numbers in the vector inputs, in order.
+        actions: Components of an action.
+        looks: Whether there is also an image input, of any size.
+    """
+
+    def __init__(self, sizes: Sizes, inputs: Mapping[str, int], actions: int, *, looks: bool = False) -> None:
+        super().__init__()
+        self._inputs, self._shape, self._least_std = tuple(inputs), (sizes.modes, actions), sizes.least_std
+        self.eye = Eye(SEEN) if looks else None
+        self.locate = nn.Linear(SEEN, sizes.located) if looks and sizes.located else None
+        taken = sum(inputs.values()) + (SEEN if looks else 0)
+        self.lstm = nn.LSTM(taken, sizes.hidden, sizes.layers, batch_first=True)
+        self.means = nn.Linear(sizes.hidden, sizes.modes * actions)
+        self.spreads = nn.Linear(sizes.hidden, sizes.modes * actions)
+        self.logits = nn.Linear(sizes.hidden, sizes.modes)
+
+    def forward(
+        self, inputs: Mapping[str, Tensor], state: State | None = None, seen: Tensor | None = None
+    ) -> tuple[Modes, State]:
+        """The distribution of the action at each of T steps, and the state after the last.
+
+        Args:
+            inputs: Channel -> (B, T, tokens, features) float32; `rgb` -> (B, T, 3, H, W) in -1 to 1.
+            state: The state before the first step; None: nothing was seen yet.
+            seen: (B, T, S) features of the images, if `see` has already computed them.
+        """
+        parts = [inputs[name].flatten(2) for name in self._inputs]
+        seen = self.see(inputs) if seen is None else seen
+        read, state = self.lstm(torch.cat(parts if seen is None else [*parts, seen], dim=-1), state)
+        means = self.means(read).unflatten(-1, self._shape)
+        stds = F.softplus(self.spreads(read)).unflatten(-1, self._shape) + self._least_std
+        return Modes(self.logits(read), means, stds), state
+
+    def see(self, inputs: Mapping[str, Tensor]) -> Tensor | None:
+        """(B, T, S) features of the images, or None for a policy without images."""
+        if self.eye is None:
+            return None
+        pixels = inputs["rgb"]
+        seen: Tensor = self.eye(pixels.flatten(0, 1)).view(*pixels.shape[:2], SEEN)
+        return seen
+
+
+def loss_of(network: BcRnn, batch: Batch) -> tuple[Tensor, Tensor]:
+    """(loss, negative log-likelihood per component of an action), the mean over valid steps.
+
+    An image policy also predicts the object's pose at the first step, for the reason given in `learn.act`'s network.
+
+    Args:
+        network: The network.
+        batch: Samples with as many observed as demonstrated steps.
+    """
+    seen = network.see(batch.inputs)
+    modes, _ = network(batch.inputs, seen=seen)
+    likely = (modes.log_likelihood(batch.actions) * batch.keep).sum() / batch.keep.sum()
+    loss = unlikely = -likely / batch.actions.shape[-1]
+    if network.locate is not None and seen is not None and batch.places is not None:
+        loss = loss + (network.locate(seen[:, 0]) - batch.places).abs().mean()
+    return loss, unlikely
+
+
+def of_contract(contract: PolicyContract, seed: int = 0) -> BcRnn:
+    """Build the network of a contract, with initial weights that depend only on `seed`."""
+    channels = contract.inputs
+    vectors = {one.name: math.prod(features.tokens(one)) for one in channels if one.encoding != "picture"}
+    looks = any(one.encoding == "picture" for one in channels)
+    with torch.random.fork_rng(devices=()):
+        torch.manual_seed(seed)
+        return BcRnn(Sizes.of(contract.settings), vectors, len(contract.action.names), looks=looks)

@@ -1,0 +1,118 @@
+"""Trainings of imitation learning rules on the hand-made task, also such as are killed and resumed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dextera_build.artifacts.tasks.episode import Episode, Episodes, Film
+from dextera_build.artifacts.tasks.mixture import Mixture
+from dextera_build.artifacts.tasks.policy import Checkpoint
+from dextera_build.learning import training
+from dextera_build.policy.observation import Measurement, deployable
+from dextera_build.rule import Context
+from dextera_build.testing import RuleRunner
+from tests import episodes
+from tests.policy.policies import load
+
+BUNDLE = episodes.bundle()
+
+
+@dataclass(frozen=True)
+class Trainings:
+    """Trainings by one rule."""
+
+    rule: str
+    """`learn.act`."""
+    small: Mapping[str, Any]
+    """Options that make a training quick."""
+
+    def learn(self, tmp_path: Path, data: Episodes | Mixture, backend: str = "torch", **more: Any) -> Checkpoint:
+        """The policy of a training; `more` are options, `film` and `films`."""
+        film = {name: more.pop(name) for name in ("film", "films") if name in more}
+        options = {**self.small, **more}
+        made = RuleRunner(tmp_path).run(
+            self.rule, backend=backend, bundle=BUNDLE, episodes=data, options=options, **film
+        )
+        assert isinstance(made, Checkpoint)
+        return made
+
+    def interrupted(
+        self, folder: Path, data: Episodes, stop: int | None, monkeypatch: pytest.MonkeyPatch, **more: Any
+    ) -> tuple[Any, list[str]]:
+        """The policy of a training, None if it was killed after `stop` steps, and its logged lines."""
+        found = RuleRunner(folder).find(self.rule)
+        monkeypatch.setattr(training, "SAVE_EVERY_S", 0.0)
+        lines: list[str] = []
+
+        def emit(kind: str, event: Mapping[str, object]) -> None:
+            if kind == "log":
+                lines.append(str(event["text"]))
+            elif event["done"] == stop:
+                raise Killed
+
+        module = found.backends["torch"].module
+        ctx = Context(module, scratch=folder / "scratch", emit=emit, keep=folder / "keep")
+        options = found.rule.options.model_validate({**self.small, **more})
+        film = {"film": filmed(data)} if "rgb" in more.get("inputs", ()) else {}
+        try:
+            return found.rule(ctx, BUNDLE, data, **film, options=options), lines
+        except Killed:
+            return None, lines
+
+    def assert_resumes(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, **more: Any) -> None:
+        """A training that was killed three times ends with the same bytes and the same curve."""
+        data = episodes.small(4)
+        whole, _ = self.interrupted(tmp_path / "whole", data, None, monkeypatch, **more)
+        for stop in (3, 7, 11):
+            nothing, _ = self.interrupted(tmp_path / "cut", data, stop, monkeypatch, **more)
+            assert nothing is None
+        rest, lines = self.interrupted(tmp_path / "cut", data, None, monkeypatch, **more)
+        assert lines[0] == "resumes after step 11"
+        assert rest.weights == whole.weights
+        np.testing.assert_array_equal(rest.curve, whole.curve)
+        np.testing.assert_array_equal(rest.steps, whole.steps)
+
+
+class Killed(Exception):  # noqa: N818 - it stands for a signal
+    """The process ends here."""
+
+
+def miss(made: Checkpoint, steps: int = 30) -> float:
+    """How far the arm ends from the demonstrated joints, as a fraction of the swing.
+
+    The median over swings to boxes that no training saw.
+    """
+    policy, missed = load(made, BUNDLE), []
+    for seed in range(100, 106):
+        shown = episodes.episode(steps, seed=seed)
+        joints = sent = shown.start.ctrl
+        policy.reset()
+        for step in range(steps):
+            seen = Measurement(joints, shown.objects[step], shown.displacement[step])
+            joints = sent = policy.act(deployable(seen, sent, shown.goal))
+        swing = np.abs(shown.joints[-1] - shown.joints[0]).max()
+        missed.append(np.abs(joints - shown.joints[-1]).max() / swing)
+    return float(np.median(missed))
+
+
+def filmed(data: Episodes, height: int = 32, width: int = 48) -> Film:
+    """A film in which a bright square stands where the box is."""
+    return Film(
+        frames={name: _frames(one, height, width) for name, one in data.items.items()}, width=width, height=height
+    )
+
+
+def _frames(one: Episode, height: int, width: int) -> bytes:
+    frames = np.zeros((len(one.action), height, width, 3), np.uint8)
+    for frame, position in zip(frames, one.objects[:, 0, :2], strict=True):
+        row, column = (
+            int(size / 2 + 100 * (value - 0.4)) for size, value in zip((height, width), position, strict=True)
+        )
+        frame[max(0, row - 4) : max(0, row + 4), max(0, column - 4) : max(0, column + 4)] = 255
+    return Film.packed(frames)
