@@ -12,9 +12,7 @@ from torch._subclasses.fake_tensor import FakeTensorMode
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.tasks.episode import Episode, Episodes, Film
-from dextera_build.artifacts.tasks.mixture import Mixture
 from dextera_build.artifacts.tasks.pixels import Pixels
-from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.errors import RuleError
 from dextera_build.learning.demonstrations import Selection, prepare
 from dextera_build.learning.parts import parts_of
@@ -23,30 +21,16 @@ from dextera_build.recipe import profiles
 from dextera_build.testing import RuleRunner
 from tests import episodes
 from tests.policy.policies import load, observation, runner
-from tests.rules.learn import imitation
-from tests.rules.learn.imitation import BUNDLE, check_resumed, filmed, missed
 from tests.rules.learn.test_mixture import elsewhere, mixed
+from tests.rules.learn.trainings import BUNDLE, Trainings, filmed, miss
 
-SMALL = {
-    "steps": 12,
-    "batch": 8,
-    "held_out": 0.25,
-    "width": 8,
-    "levels": 2,
-    "layers": 1,
-    "heads": 2,
-    "horizon": 8,
-    "every": 4,
-    "denoisings": 2,
-    "warm_up": 1,
-}
 BOTH = pytest.mark.parametrize("network", ["unet", "transformer"])
 NETWORK = runner("diffusion").network
+SIZES = {"width": 8, "levels": 2, "layers": 1, "heads": 2, "horizon": 8, "every": 4, "denoisings": 2}
+DIFFUSION = Trainings("learn.diffusion", SIZES | {"steps": 12, "batch": 8, "held_out": 0.25, "warm_up": 1})
+learn = DIFFUSION.learn
 SIDE_RAD = 0.5
-
-
-def learn(tmp_path: Path, data: Episodes | Mixture, backend: str = "torch", **more: Any) -> Checkpoint:
-    return imitation.learn("learn.diffusion", tmp_path, data, SMALL | more, backend)
+"""How far the first joint turns to either side."""
 
 
 @pytest.mark.slow
@@ -56,7 +40,7 @@ def test_it_learns_what_was_shown(tmp_path: Path, network: str) -> None:
     sizes = {"width": 16, "batch": 32, "denoisings": 10}
     made = learn(tmp_path, episodes.small(16, 30), steps=600, network=network, warm_up=50, **sizes)
     assert made.curve[-1] < 0.4 * made.curve[0]
-    assert missed(made) < 0.15
+    assert miss(made) < 0.15
 
 
 def sides(count: int, steps: int = 16) -> Episodes:
@@ -111,7 +95,7 @@ def test_the_same_inputs_give_the_same_bytes(tmp_path: Path, network: str) -> No
 def test_a_training_that_was_killed_ends_with_the_same_bytes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: dict[str, Any]
 ) -> None:
-    check_resumed("learn.diffusion", tmp_path, monkeypatch, SMALL | more)
+    DIFFUSION.assert_resumes(tmp_path, monkeypatch, **more)
 
 
 @BOTH
