@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
 import torch
@@ -42,14 +43,14 @@ class Learner:
         self.network.fit(data)
         first = 1 - options.history
         self.window = Window(range(first, first + options.horizon), range(first, 1))
-        self._held, self._levels = options.every - 1, options.noise_levels
+        self._held, self._levels, self._dropout = options.every - 1, options.noise_levels, options.dropout
 
     def loss(self, network_: network.Denoiser, batch: Batch, random: torch.Generator) -> tuple[Tensor, Tensor]:
         """As `network.loss_of`, with drawn noise."""
         device = batch.actions.device
         noise = torch.randn(batch.actions.shape, generator=random).to(device)
         levels = torch.randint(self._levels, (len(noise),), generator=random).to(device)
-        with reproducible.drawn(random, device):
+        with reproducible.drawn(random, device) if self._dropout else nullcontext():
             return network.loss_of(network_, batch, noise, levels, self._held)
 
     def predicted(self, network_: network.Denoiser, batch: Batch) -> Tensor:
