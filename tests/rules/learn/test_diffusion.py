@@ -40,7 +40,7 @@ SIDE_RAD = 0.5
 @BOTH
 def test_it_learns_what_was_shown(tmp_path: Path, network: str) -> None:
     """A policy that saw 16 swings towards a box reaches boxes that stand elsewhere."""
-    sizes = {"width": 16, "batch": 32, "denoisings": 10}
+    sizes: dict[str, Any] = {"width": 16, "batch": 32, "denoisings": 10}
     made = learn(tmp_path, episodes.small(16, 30), steps=600, network=network, warm_up=50, **sizes)
     assert made.curve[-1] < 0.4 * made.curve[0]
     assert miss(made) < 0.15
@@ -74,7 +74,7 @@ def first_turns(made: Checkpoint, tries: int = 40) -> np.ndarray:
 @BOTH
 def test_it_does_one_of_two_things_and_not_their_average(tmp_path: Path, network: str) -> None:
     data = sides(32)
-    sizes = {"width": 16, "batch": 64, "denoisings": 10, "network": network}
+    sizes: dict[str, Any] = {"width": 16, "batch": 64, "denoisings": 10, "network": network}
     made = learn(tmp_path, data, steps=400, inputs=("joints",), warm_up=50, held_out=0.0, **sizes)
     shown = np.array([one.action[0, 0] for one in data.items.values()])
     np.testing.assert_allclose(np.abs(shown), SIDE_RAD)
@@ -147,6 +147,33 @@ def test_actions_stay_within_those_of_the_training(tmp_path: Path) -> None:
     reach = np.maximum(np.ptp(shown, axis=0) / 2, action.scale)
     centre = (shown.min(axis=0) + shown.max(axis=0)) / 2
     assert (np.abs(targets - centre) <= reach + 1e-5).all()
+
+
+def answers(body: Any, change: str, step: int) -> list[bool]:
+    """For each of 8 steps, whether the noise that a network finds in it changes with an action or an observation."""
+    random = torch.Generator().manual_seed(0)
+    given = {"actions": torch.randn(1, 8, 3, generator=random), "observed": torch.randn(1, 2, 5, generator=random)}
+    levels = torch.tensor([50])
+    with torch.inference_mode():
+        first = body(given["actions"], levels, given["observed"])
+        given[change][:, step] += 1.0
+        second = body(given["actions"], levels, given["observed"])
+    return [bool(moved) for moved in ((first - second).abs().amax(dim=2) > 1e-6)[0]]
+
+
+def test_a_step_of_the_transformer_looks_only_back() -> None:
+    torch.manual_seed(0)
+    body = NETWORK.Transformer(3, 8, 16, 1, 2, history=2, observed=5, dropout=0.0).eval()
+    assert answers(body, "actions", 3) == [False] * 3 + [True] * 5
+    assert answers(body, "observed", 0) == [True] * 8
+    assert answers(body, "observed", 1) == [False] + [True] * 7, "the window begins at the oldest observed step"
+
+
+def test_every_step_of_the_unet_sees_all_that_was_observed() -> None:
+    torch.manual_seed(0)
+    body = NETWORK.Unet(3, 8, 2, 10)
+    assert answers(body, "observed", 0) == answers(body, "observed", 1) == [True] * 8
+    assert all(answers(body, "actions", 3)[1:6])
 
 
 def sample(network: Any, count: int = 2) -> Batch:
