@@ -54,11 +54,7 @@ class Peer:
 
     def act(self, observation: DeployableObservation) -> np.ndarray:
         """Joint targets (A,) [rad]."""
-        seen: dict[str, list[float]] = {}
-        for term in self._layout.terms():
-            if term.feature.startswith("observation."):
-                seen.setdefault(term.feature, []).extend(np.ravel(observation[term.declared.name]).tolist())
-        return np.array(self._ask(json.dumps(seen)))
+        return np.array(self._ask(json.dumps(by_feature(self._layout, observation))))
 
     def _ask(self, line: str) -> Any:
         assert self._process.stdin is not None
@@ -72,3 +68,12 @@ class Peer:
         if not line:
             raise RuntimeError(f"the peer ended with status {self._process.wait()}; its messages are above")
         return json.loads(line)
+
+
+def by_feature(layout: Layout, observation: DeployableObservation) -> dict[str, list[float]]:
+    """The numbers of an observation as data sets group them: feature -> those of its terms, in order."""
+    seen: dict[str, list[float]] = {}
+    for term in layout.terms():
+        if term.feature.startswith("observation."):
+            seen.setdefault(term.feature, []).extend(np.ravel(observation[term.declared.name]).tolist())
+    return seen
