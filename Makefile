@@ -19,7 +19,7 @@ READERS := lerobot-0.3 lerobot-0.4 robomimic rlds
 # More arguments for pytest: make test ARGS='-k recipe -x'
 ARGS ?=
 
-.PHONY: help setup demo test test-medium test-all servers readers meshes check-envelope check-real check check-most format lint type layers examples package bench bench-engine bench-retargeting \
+.PHONY: help setup demo test test-medium test-all servers readers meshes check-envelope check-real check check-most format lint type layers examples package bench bench-engine bench-retargeting bench-policies \
 	docs lock clean clean-all
 
 help: ## Print this list
@@ -93,6 +93,9 @@ bench-engine: setup $(VENV)/.peers ## Measure dxb beside other build tools; hour
 
 bench-retargeting: setup $(VENV)/dexret/.installed ## Measure retargeting of hands beside dex-retargeting; two minutes
 	$(BIN)/python -m tests.benchmarks.retargeting --peer $(VENV)/dexret/bin/python $(ARGS)
+
+bench-policies: setup $(VENV)/readers/robomimic/.installed ## Measure learn.bc_rnn beside robomimic; minutes for a small task
+	$(BIN)/python -m tests.benchmarks.policies $(ARGS)
 
 docs: setup ## Build the docs pages into site/
 	$(BIN)/python -m sphinx -W --keep-going -q -b html dextera_build/docs site

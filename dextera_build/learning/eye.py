@@ -27,7 +27,7 @@ class Eye(nn.Module):
         """(B, 1, W) token of (B, 3, H, W) pixels in -1 to 1."""
         maps = self.layers(pixels)
         shares = maps.flatten(2).softmax(dim=-1).view_as(maps)
-        rows, columns = (torch.linspace(-1.0, 1.0, size) for size in maps.shape[2:])
+        rows, columns = (torch.linspace(-1.0, 1.0, size, device=maps.device) for size in maps.shape[2:])
         places = torch.cat([shares.sum(dim=3) @ rows, shares.sum(dim=2) @ columns], dim=1)
         out: Tensor = self.out(places)
         return out[:, None]

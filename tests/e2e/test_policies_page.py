@@ -45,7 +45,7 @@ def test_adding_and_editing_an_algorithm_makes_its_own_nodes_stale_alone(space: 
     shutil.copytree(bundled("rules") / "learn" / "act", space.root / "rules/learn/act")
     copied = planned(space, "task/close_laptop")
     assert stale(first, copied) == TRIALS
-    space.edit("rules/learn/act/policy.py", "* scale + mean", "* scale + mean + 0.0")
+    space.edit("rules/learn/act/policy.py", "made(running", "1 * made(running")
     assert stale(copied, planned(space, "task/close_laptop")) == TRIALS
 
 

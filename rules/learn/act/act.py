@@ -35,5 +35,9 @@ def act(
     """
     if options.width % options.heads:
         ctx.fail(f"width {options.width} is not a multiple of {options.heads} heads")
+    if options.every > options.chunk:
+        ctx.fail(
+            f"every {options.every} is more than the {options.chunk} steps of a chunk", hint=f"every: {options.chunk}"
+        )
     parts = parts_of(episodes, film, films)
     return imitated(ctx, bundle, parts, options, algorithm="act", settings=SETTINGS, loss="L1 loss")

@@ -20,8 +20,9 @@ class BcRnnOptions(ImitationOptions):
     """LSTM layers."""
     modes: int = Field(5, ge=1)
     """Gaussians in the distribution of an action."""
-    least_std: float = Field(0.05, gt=0.0)
-    """Least standard deviation of a Gaussian, in standard deviations of the actions."""
+    least_std: float = Field(0.1, gt=0.0)
+    """Least standard deviation of a Gaussian, in those of the actions. If it is small, joints that hardly move decide
+    which Gaussians are used, and ways that differ in other joints are mixed."""
     pick: Literal["likeliest", "drawn"] = "likeliest"
     """The Gaussian whose mean is the action at run time: the one of greatest weight, or one drawn by weight, always the
     same for a seed and a step."""

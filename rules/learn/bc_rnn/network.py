@@ -37,7 +37,7 @@ class Sizes:
     """LSTM layers."""
     modes: int = 5
     """Gaussians in the distribution of an action."""
-    least_std: float = 0.05
+    least_std: float = 0.1
     """Least standard deviation of a Gaussian, in those of the actions."""
     located: int = 0
     """Numbers in the pose and joints of the task's object, an auxiliary target of image policies."""

@@ -56,7 +56,7 @@ def test_neither_threads_nor_the_global_generator_matter(tmp_path: Path) -> None
         torch.set_num_threads(before)
 
 
-@pytest.mark.parametrize("more", [{"jitter": 0.02}, {"inputs": ("joints", "rgb"), "steps": 12}])
+@pytest.mark.parametrize("more", [{"jitter": 0.02}, {"average": 0.9}, {"inputs": ("joints", "rgb"), "steps": 12}])
 def test_a_training_that_was_killed_ends_with_the_same_bytes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: dict[str, Any]
 ) -> None:
@@ -199,6 +199,7 @@ def test_it_reports_loss_and_curve(tmp_path: Path) -> None:
         ({}, {"inputs": ("joints", "rgb")}, "there is no channel `rgb` to learn from"),
         ({}, {"inputs": ("displacement",)}, "none of the inputs has a component: displacement"),
         ({}, {"width": 18, "heads": 4}, "width 18 is not a multiple of 4 heads"),
+        ({}, {"every": 6}, "every 6 is more than the 5 steps of a chunk"),
         ({"rate_hz": 10.0}, {}, "the data set does not fit the task bundle: another rate"),
     ],
 )

@@ -20,16 +20,20 @@ from tests import episodes
 from tests.policy.policies import load, runner
 from tests.rules.learn.trainings import BUNDLE, Trainings, filmed, miss
 
-RNN = Trainings("learn.bc_rnn", {"steps": 30, "hidden": 16, "horizon": 5, "batch": 16, "held_out": 0.25})
-ACT = Trainings("learn.act", {"width": 16, "heads": 2, "chunk": 1})
+SEEN = {"inputs": ("objects",), "steps": 150, "batch": 32, "rate": 1e-2, "warm_up": 10, "held_out": 0.0}
+RNN = Trainings("learn.bc_rnn", SEEN | {"hidden": 24, "layers": 1, "least_std": 0.2})
+ACT = Trainings("learn.act", SEEN | {"width": 16, "heads": 2, "chunk": 1})
+SWING = Trainings(
+    "learn.bc_rnn",
+    {"steps": 30, "hidden": 16, "horizon": 5, "batch": 16, "rate": 1e-2, "warm_up": 3, "held_out": 0.25},
+)
 STEPS, CUE = 10, 3
 """Steps of an episode, and the first of these in which is seen what the action depends on."""
-QUICK = {"inputs": ("objects",), "steps": 150, "batch": 32, "rate": 1e-2, "warm_up": 10, "held_out": 0.0}
-learn = RNN.learn
+learn = SWING.learn
 
 
 def changed(count: int, steps: int, actions: np.ndarray, places: np.ndarray) -> Episodes:
-    """Episodes that are alike, except that joint 1 is sent to `actions` and the box is seen at x = `places` [m], (count, steps) each."""
+    """Episodes that differ in `actions` [rad] of joint 1 and `places` [m] of the box along x, (count, steps) each."""
     data = episodes.small(count, steps)
     first, items = data.items["0"], {}
     for (name, one), sent, seen in zip(data.items.items(), actions, places, strict=True):
@@ -61,7 +65,7 @@ def sent(made: Checkpoint, data: Episodes, name: str, steps: int = STEPS) -> np.
 
 def test_it_remembers_what_was_seen_earlier_in_the_horizon(tmp_path: Path) -> None:
     data = remembered()
-    made = learn(tmp_path, data, **QUICK | {"horizon": STEPS, "hidden": 24})
+    made = RNN.learn(tmp_path, data, horizon=STEPS)
     late = [sent(made, data, name)[CUE:, 0] for name in ("0", "1")]
     np.testing.assert_allclose(late, np.array([0.5, -0.5])[:, None] * np.ones(STEPS - CUE), atol=0.1)
 
@@ -69,7 +73,7 @@ def test_it_remembers_what_was_seen_earlier_in_the_horizon(tmp_path: Path) -> No
 def test_a_policy_without_memory_cannot_learn_it(tmp_path: Path) -> None:
     """Which shows that the test above asks for memory."""
     data = remembered()
-    made = ACT.learn(tmp_path, data, **QUICK)
+    made = ACT.learn(tmp_path, data)
     first, second = (sent(made, data, name)[:, 0] for name in ("0", "1"))
     assert first[0] > 0.3 > -0.3 > second[0], "it learned what it sees"
     np.testing.assert_allclose(first[CUE:], second[CUE:], atol=1e-6)
@@ -97,21 +101,20 @@ def test_it_forgets_at_the_horizon_and_at_the_start_of_an_episode(tmp_path: Path
 def test_ways_that_were_shown_are_kept_apart(tmp_path: Path) -> None:
     """Seeing the same, half of the demonstrations go to 0.5 rad and half to -0.5 rad; none goes between."""
     data = changed(8, STEPS, 0.5 * np.tile([1.0, -1.0], 4)[:, None] * np.ones(STEPS), np.full((8, STEPS), 0.4))
-    more = QUICK | {"pick": "drawn"}
-    drawn = sent(learn(tmp_path, data, **more), data, "0", 40)[:, 0]
+    made = RNN.learn(tmp_path, data, pick="drawn")
+    drawn = sent(made, data, "0", 40)[:, 0]
     assert np.abs(np.abs(drawn) - 0.5).max() < 0.05
     assert 10 < (drawn > 0).sum() < 30, "each as often as it was shown"
-    np.testing.assert_array_equal(drawn, sent(learn(tmp_path, data, **more), data, "0", 40)[:, 0])
-    picked = sent(learn(tmp_path, data, **QUICK), data, "0", 40)[:, 0]
+    np.testing.assert_array_equal(drawn, sent(made, data, "0", 40)[:, 0])
+    picked = sent(RNN.learn(tmp_path, data, pick="likeliest"), data, "0", 40)[:, 0]
     assert np.abs(np.abs(picked) - 0.5).max() < 0.05
-    assert len(np.unique(picked[:5] > 0)) == 1
 
 
 def test_targets_far_from_the_mean_are_reached(tmp_path: Path) -> None:
     """One step in ten goes to 1 rad, three standard deviations from the mean; a bound of -1..1 would cut it off."""
     at = np.arange(STEPS)
-    data = changed(4, STEPS, np.tile(at == 4, (4, 1)).astype(float), np.tile(0.3 + 0.02 * at, (4, 1)))
-    made = learn(tmp_path, data, **QUICK)
+    data = changed(4, STEPS, np.tile(at == 4, (4, 1)).astype(float), np.tile(0.4 + 0.1 * (at == 4), (4, 1)))
+    made = RNN.learn(tmp_path, data)
     action = made.contract.action
     assert (1.0 - action.mean[0]) / action.scale[0] == pytest.approx(3.0, abs=0.01)
     np.testing.assert_allclose(sent(made, data, "0")[:, 0], at == 4, atol=0.1)
@@ -142,15 +145,17 @@ def test_the_loss_is_the_negative_log_likelihood_of_valid_steps() -> None:
 
 
 def test_standard_deviations_have_a_floor() -> None:
-    made = runner("bc_rnn").network.BcRnn(runner("bc_rnn").network.Sizes(hidden=8), {"joints": 3}, 3)
+    network = runner("bc_rnn").network
+    made = network.BcRnn(network.Sizes(hidden=8, least_std=0.25), {"joints": 3}, 3)
     with torch.no_grad():
         made.spreads.bias.fill_(-1e4)
-    modes, _ = made({"joints": torch.zeros(1, 4, 1, 3)})
-    assert modes.stds.min() == modes.stds.max() == pytest.approx(1e-4)
+        modes, _ = made({"joints": torch.zeros(1, 4, 1, 3)})
+    assert torch.equal(modes.stds, torch.full((1, 4, 5, 3), 0.25))
 
 
 def test_steps_one_by_one_are_the_whole_window() -> None:
-    made = runner("bc_rnn").network.BcRnn(runner("bc_rnn").network.Sizes(hidden=8), {"joints": 3}, 3)
+    network = runner("bc_rnn").network
+    made = network.BcRnn(network.Sizes(hidden=8), {"joints": 3}, 3)
     seen, state = torch.randn(1, 6, 1, 3), None
     whole, _ = made({"joints": seen})
     for step in range(6):
@@ -161,7 +166,7 @@ def test_steps_one_by_one_are_the_whole_window() -> None:
 @pytest.mark.slow
 def test_it_learns_what_was_shown(tmp_path: Path) -> None:
     """A policy that saw 16 swings towards a box reaches boxes that stand elsewhere."""
-    made = learn(tmp_path, episodes.small(16, 30), steps=1000, hidden=64, batch=32, horizon=10)
+    made = learn(tmp_path, episodes.small(16, 30), steps=600, hidden=64, batch=32, horizon=10, rate=3e-3)
     assert made.curve[-1] < made.curve[0] - 2.0
     assert miss(made) < 0.1
 
@@ -177,13 +182,13 @@ def test_the_same_inputs_give_the_same_bytes(tmp_path: Path) -> None:
 def test_a_training_that_was_killed_ends_with_the_same_bytes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: dict[str, Any]
 ) -> None:
-    RNN.assert_resumes(tmp_path, monkeypatch, **more)
+    SWING.assert_resumes(tmp_path, monkeypatch, **more)
 
 
 def test_it_learns_from_pictures(tmp_path: Path) -> None:
     data = episodes.small(4)
-    made = learn(tmp_path, data, inputs=("joints", "rgb"), film=filmed(data), steps=40)
-    assert made.curve[-1] < made.curve[0] - 0.3
+    made = learn(tmp_path, data, inputs=("joints", "rgb"), film=filmed(data))
+    assert made.curve[-3:].mean() < made.curve[0] - 0.5
     assert {"eye", "locate"} <= {name.partition(".")[0] for name in weights.from_bytes(made.weights)}
     policy = load(made, BUNDLE, episodes.view(48, 32))
     joints, frames = data.items["0"].joints[0], np.zeros((2, 32, 48, 3), np.uint8)

@@ -1,0 +1,158 @@
+"""The network of Diffusion Policy: it tells the noise in a window of actions from what was observed.
+
+The window begins at the oldest observed step. Vector channels of each observed step are the condition as they are;
+pictures are encoded by a small convolutional network instead of a ResNet-18.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from dextera_build.artifacts.tasks.policy import PolicyContract
+from dextera_build.learning.eye import Eye
+from dextera_build.learning.samples import Batch
+from dextera_build.policy import features
+
+from . import schedule
+from .transformer import Transformer
+from .unet import Unet
+
+if TYPE_CHECKING:
+    from dextera_build.learning.demonstrations import Demonstrations
+
+SEEN = 64
+"""Features of a picture."""
+
+
+class Denoiser(nn.Module):
+    """The network, the range of its actions and its levels of noise.
+
+    Args:
+        contract: Inputs, outputs and settings of the policy.
+        dropout: Dropout of the transformer in training.
+    """
+
+    centre: Tensor
+    reach: Tensor
+    share: Tensor
+
+    def __init__(self, contract: PolicyContract, dropout: float = 0.0) -> None:
+        super().__init__()
+        settings, actions = contract.settings, len(contract.action.names)
+        self.history, self.passes = int(settings["history"]), int(settings["denoisings"])
+        self.shape = (int(settings["horizon"]), actions)
+        vectors = [channel for channel in contract.inputs if channel.encoding != "picture"]
+        self.vectors = [channel.name for channel in vectors]
+        looks = len(vectors) < len(contract.inputs)
+        observed = sum(count * size for count, size in map(features.tokens, vectors)) + SEEN * looks
+        self.eye = Eye(SEEN) if looks else None
+        self.locate = nn.Linear(SEEN, int(settings["located"])) if looks and settings["located"] else None
+        self.body = _body(settings, actions, observed, dropout)
+        self.register_buffer("centre", torch.zeros(actions))
+        self.register_buffer("reach", torch.ones(actions))
+        self.register_buffer("share", schedule.shares(int(settings["noise_levels"])), persistent=False)
+
+    def fit(self, data: Demonstrations) -> None:
+        """Take the range of the actions from the training episodes."""
+        shown = data.actions[np.concatenate(data.train_rows)]
+        low, high = (torch.from_numpy(each) for each in (shown.min(axis=0), shown.max(axis=0)))
+        self.centre = (low + high) / 2
+        # Normalised actions are in standard deviations, of which a range has any number, while predictions are clipped:
+        # the range is mapped to -1 to 1. Half a range is never less than one standard deviation; it is here only for
+        # components that hardly move, whose scale is the floor of the normalisation instead.
+        self.reach = ((high - low) / 2).clamp(min=1.0)
+
+    def observe(self, inputs: Mapping[str, Tensor]) -> tuple[Tensor, Tensor | None]:
+        """Features (B, H, D) of the observed steps, and those (B, S) of the present picture alone.
+
+        Args:
+            inputs: Channel -> (B, H, tokens, features); `rgb` -> (B, H, 3, height, width) in -1 to 1. If only the
+                present step is observed, without the axis H.
+        """
+        batch = len(next(iter(inputs.values())))
+        parts = [inputs[name].reshape(batch, self.history, -1) for name in self.vectors]
+        if self.eye is None:
+            return torch.cat(parts, dim=2), None
+        frames = inputs["rgb"]
+        seen = self.eye(frames.flatten(0, -4)).reshape(batch, self.history, -1)
+        return torch.cat([*parts, seen], dim=2), seen[:, -1]
+
+    def forward(self, actions: Tensor, levels: Tensor, observed: Tensor) -> Tensor:
+        """The noise (B, T, A) in actions (B, T, A) in -1 to 1 with noise of levels (B,) int64, see `observe`."""
+        made: Tensor = self.body(actions, levels, observed)
+        return made
+
+    def sample(self, inputs: Mapping[str, Tensor], noise: Tensor) -> Tensor:
+        """Normalised actions (B, T, A) from noise of the same shape."""
+        observed, _ = self.observe(inputs)
+
+        def noise_in(actions: Tensor, level: int) -> Tensor:
+            made: Tensor = self(actions, torch.full((len(actions),), level, device=actions.device), observed)
+            return made
+
+        return schedule.denoised(noise, self.share, self.passes, noise_in) * self.reach + self.centre
+
+
+def loss_of(network: Denoiser, batch: Batch, noise: Tensor, levels: Tensor, held: int) -> tuple[Tensor, Tensor]:
+    """(loss, its part of the noise): mean squared error of the noise over the steps that `trained_on` keeps.
+
+    A policy with pictures also predicts the object's pose, as that of `learn.act` does.
+
+    Args:
+        network: The network.
+        batch: Samples.
+        noise: (B, T, A) standard normal.
+        levels: Level of noise (B,) int64 of each sample.
+        held: Steps after the end of an episode that are learned.
+    """
+    observed, seen = network.observe(batch.inputs)
+    actions = (batch.actions - network.centre) / network.reach
+    mixed = schedule.noised(actions, noise, network.share[levels])
+    keep = trained_on(batch.keep, held)
+    error = (network(mixed, levels, observed) - noise).square().mean(dim=-1)
+    loss = found = (error * keep).sum() / keep.sum()
+    if network.locate is not None and seen is not None and batch.places is not None:
+        loss = loss + (network.locate(seen) - batch.places).abs().mean()
+    return loss, found
+
+
+def trained_on(keep: Tensor, held: int) -> Tensor:
+    """Steps (B, T) that are learned: those before the end of the episode, and `held` after it.
+
+    Before the first step its action is repeated, and after the last that one: the robot holds its targets. A policy
+    executes several steps without looking, some of them after the end, so it must have learned to hold.
+
+    Args:
+        keep: (B, T), false for steps outside the episode.
+        held: Steps after the end.
+    """
+    steps = torch.arange(keep.shape[1], device=keep.device)
+    return steps <= (steps * keep).amax(dim=1, keepdim=True) + held
+
+
+def of_contract(contract: PolicyContract, seed: int = 0, dropout: float = 0.0) -> Denoiser:
+    """Build the network of a contract, with initial weights that depend only on `seed`."""
+    with torch.random.fork_rng(devices=()):
+        torch.manual_seed(seed)
+        return Denoiser(contract, dropout)
+
+
+def _body(settings: Mapping[str, float | int | str | bool], actions: int, observed: int, dropout: float) -> nn.Module:
+    size = {name: int(settings[name]) for name in ("horizon", "history", "width", "levels", "layers", "heads")}
+    if settings["network"] == "unet":
+        return Unet(actions, size["width"], size["levels"], size["history"] * observed)
+    return Transformer(
+        actions,
+        size["horizon"],
+        size["width"],
+        size["layers"],
+        size["heads"],
+        history=size["history"],
+        observed=observed,
+        dropout=dropout,
+    )
