@@ -306,13 +306,13 @@ def test_code_edited_while_a_build_repeats_a_plan_waits_for_the_next_build(built
     built.edit("recipes/wait.yaml", "seconds: 1}\n", "seconds: 1}\n  c: {rule: toy.join, one: $a, two: $a}\n")
     time.sleep(0.05)
     assert built.dxb("plan", "wait").code == 0  # keeps its plan
-    running = built.start("build", "wait", "--console", "plain", "-j", "1")
+    running = built.start("build", "wait", "--console", "jsonl", "-j", "1")
     assert running.stderr is not None
-    while "a " not in (line := running.stderr.readline()) and line:
+    while '"node_started"' not in (line := running.stderr.readline()) and line:
         pass
     built.edit("rules/toy/join.py", "one.data + two.data", "two.data + one.data + two.data")
-    running.communicate()
-    assert running.returncode == 0
+    _, told = running.communicate()
+    assert running.returncode == 0, told
     assert built.build("wait").nodes("ran") == {"c"}
 
 
