@@ -19,7 +19,7 @@ READERS := lerobot-0.3 lerobot-0.4 robomimic rlds
 # More arguments for pytest: make test ARGS='-k recipe -x'
 ARGS ?=
 
-.PHONY: help setup demo test test-medium test-all servers readers meshes check-envelope check-real check check-most format lint type layers examples package bench bench-engine bench-retargeting bench-policies \
+.PHONY: help setup demo test test-medium test-gpu test-all servers readers meshes check-envelope check-real check check-most format lint type layers examples package bench bench-engine bench-retargeting bench-policies \
 	docs lock clean clean-all
 
 help: ## Print this list
@@ -38,6 +38,9 @@ test: setup ## Run the quick tests, those of less than two seconds each
 
 test-medium: setup ## Run the tests of two to four seconds, as CI does after the quick ones
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m medium $(ARGS)
+
+test-gpu: setup ## Run the tests of training on a GPU, which are skipped without one
+	$(BIN)/python -m pytest tests/rules/learn/test_gpu.py $(ARGS)
 
 test-all: setup servers readers meshes $(VENV)/.robots $(VENV)/.repair ## Run every test, also the slow ones, in a browser and on published meshes
 	@.ci/system browser

@@ -16,6 +16,7 @@ from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.learning import training
 from dextera_build.policy.observation import Measurement, deployable
 from dextera_build.rule import Context
+from dextera_build.rule.pretrained import Device, Pretrained
 from dextera_build.testing import RuleRunner
 from tests import episodes
 from tests.policy.policies import load
@@ -36,14 +37,20 @@ class Trainings:
         """The policy of a training; `more` are options, `film` and `films`."""
         film = {name: more.pop(name) for name in ("film", "films") if name in more}
         options = {**self.small, **more}
-        made = RuleRunner(tmp_path).run(
+        made = RuleRunner(tmp_path, gpu_gb=80.0 if backend == "cuda" else 0.0).run(
             self.rule, backend=backend, bundle=BUNDLE, episodes=data, options=options, **film
         )
         assert isinstance(made, Checkpoint)
         return made
 
     def interrupted(
-        self, folder: Path, data: Episodes, stop: int | None, monkeypatch: pytest.MonkeyPatch, **more: Any
+        self,
+        folder: Path,
+        data: Episodes,
+        stop: int | None,
+        monkeypatch: pytest.MonkeyPatch,
+        device: Device = "cpu",
+        **more: Any,
     ) -> tuple[Any, list[str]]:
         """The policy of a training, None if it was killed after `stop` steps, and its logged lines."""
         found = RuleRunner(folder).find(self.rule)
@@ -57,7 +64,8 @@ class Trainings:
                 raise Killed
 
         module = found.backends["torch"].module
-        ctx = Context(module, scratch=folder / "scratch", emit=emit, keep=folder / "keep")
+        pretrained = Pretrained(device=device)
+        ctx = Context(module, scratch=folder / "scratch", emit=emit, keep=folder / "keep", pretrained=pretrained)
         options = found.rule.options.model_validate({**self.small, **more})
         film = {"film": filmed(data)} if "rgb" in more.get("inputs", ()) else {}
         try:
@@ -65,14 +73,16 @@ class Trainings:
         except Killed:
             return None, lines
 
-    def assert_resumes(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, **more: Any) -> None:
+    def assert_resumes(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, device: Device = "cpu", **more: Any
+    ) -> None:
         """A training that was killed three times ends with the same bytes and the same curve."""
         data = episodes.small(4)
-        whole, _ = self.interrupted(tmp_path / "whole", data, None, monkeypatch, **more)
+        whole, _ = self.interrupted(tmp_path / "whole", data, None, monkeypatch, device, **more)
         for stop in (3, 7, 11):
-            nothing, _ = self.interrupted(tmp_path / "cut", data, stop, monkeypatch, **more)
+            nothing, _ = self.interrupted(tmp_path / "cut", data, stop, monkeypatch, device, **more)
             assert nothing is None
-        rest, lines = self.interrupted(tmp_path / "cut", data, None, monkeypatch, **more)
+        rest, lines = self.interrupted(tmp_path / "cut", data, None, monkeypatch, device, **more)
         assert lines[0] == "resumes after step 11"
         assert rest.weights == whole.weights
         np.testing.assert_array_equal(rest.curve, whole.curve)
