@@ -32,4 +32,5 @@ def attempted(
     episode = closed_loop(environment, policy, start, look, watching)
     if watching is not None:
         watching.settle()
-    return Attempt(seed=seed, episode=episode, placed=placed, sighting=watching and watching.sighting)
+    stage = int(environment.judge.stage[0])
+    return Attempt(seed=seed, episode=episode, placed=placed, stage=stage, sighting=watching and watching.sighting)

@@ -20,11 +20,12 @@ from dextera_build.artifacts.tasks.trials import Actor, Attempt, Poses, Sighting
 from dextera_build.errors import listing
 from dextera_build.policy.layout import embodiment, gathered
 from dextera_build.rule import ROUNDING, Context, Tolerance
+from dextera_build.sim.primitives import catalogue
 from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.statistics import Rate
 
 TOLERANCE = Tolerance(
-    {"": ROUNDING, "items": math.inf, "examples": math.inf, "excluded": math.inf}, metrics={"success": 10.0}
+    {"": ROUNDING, "items": math.inf, "examples": math.inf, "excluded": math.inf}, metrics={"success": 10.0, "progress": 10.0}
 )
 """Contacts amplify rounding differences, so a trial may end differently on another processor; most do not."""
 
@@ -67,6 +68,7 @@ class Record:
                 success=episode.success,
                 reason=episode.reason,
                 steps=len(episode.action),
+                stage=len(self.stages) if episode.success else attempt.stage,
                 sighting=attempt.sighting,
             )
         )
@@ -76,7 +78,19 @@ class Record:
         """Successes so far."""
         return Rate(sum(trial.success for trial in self.items), len(self.items))
 
-    def trials(self, actor: Actor, *, label: str, source: Artifact, algorithm: str = "") -> Trials:
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """Steps on the way to success, the last one included."""
+        return (*catalogue.kind(self.bundle.task.primitive).stages, "success")
+
+    @property
+    def progress(self) -> Rate:
+        """Sum of the fractions of stages that the trials reached."""
+        return Rate(sum(trial.stage for trial in self.items) / len(self.stages), len(self.items))
+
+    def trials(
+        self, actor: Actor, *, label: str, source: Artifact, algorithm: str = "", stopped: bool = False
+    ) -> Trials:
         """Return the recorded trials as an artifact."""
         return Trials(
             actor=actor,
@@ -88,6 +102,8 @@ class Record:
             robot=robot_name(self.bundle),
             world=self.bundle.kind,
             poses=self.poses,
+            stages=self.stages,
+            stopped=stopped,
             items=tuple(self.items),
             placed=np.array(self.placed, np.float32).reshape(len(self.items), len(self.bundle.objects), 7),
             excluded=dict(self.excluded),
@@ -127,6 +143,7 @@ def close(ctx: Context, record: Record) -> None:
     ctx.metric("success", 100 * rate.value, "%")
     ctx.metric("success, low", 100 * low, "%")
     ctx.metric("success, high", 100 * high, "%")
+    ctx.metric("progress", 100 * record.progress.value, "%")
     if without:
         ctx.metric("without a trial", without, f"of {len(record.items) + without}")
     how = ", poses tracked" if record.poses == "tracked" else ""
@@ -134,6 +151,9 @@ def close(ctx: Context, record: Record) -> None:
     _tell(ctx, [(trial.success, trial.sighting) for trial in record.items if trial.sighting is not None])
     for reason, count in tally(trial.reason for trial in record.items if not trial.success).items():
         ctx.log(f"{count} x {reason}")
+    stages = ("no stage", *record.stages)
+    for stage, count in Counter(stages[trial.stage] for trial in record.items if not trial.success).most_common():
+        ctx.log(f"{count} x failed after: {stage}")
     for reason, count in record.excluded.most_common():
         ctx.log(f"{count} x left out: {reason}")
 

@@ -71,6 +71,7 @@ def replays(
                 episode=done.episode,
                 placed=None if done.placed is None else done.placed.astype(np.float32),
                 excluded=done.reason,
+                stage=int(there.judge.stage[0]),
                 rehearsal=done.rehearsal,
                 sighting=None if watching is None or done.episode is None else watching.sighting,
             )
