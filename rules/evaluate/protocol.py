@@ -13,6 +13,7 @@ import numpy as np
 from dextera_build import digest
 from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.tasks.episode import Episodes
+from dextera_build.artifacts.tasks.policy import PolicyContract
 from dextera_build.artifacts.tasks.reasons import spelled, tally
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.artifacts.tasks.term import TermSpec
@@ -25,7 +26,8 @@ from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.statistics import Rate
 
 TOLERANCE = Tolerance(
-    {"": ROUNDING, "items": math.inf, "examples": math.inf, "excluded": math.inf}, metrics={"success": 10.0, "progress": 10.0}
+    {"": ROUNDING, "items": math.inf, "examples": math.inf, "excluded": math.inf},
+    metrics={"success": 10.0, "progress": 10.0},
 )
 """Contacts amplify rounding differences, so a trial may end differently on another processor; most do not."""
 
@@ -43,11 +45,13 @@ class Record:
         bundle: The world.
         poses: Source of the actor's object poses.
         terms: Recorded terms that do not come with dxb.
+        stopped: Whether the results decide when the trials end.
     """
 
     bundle: TaskBundle
     poses: Poses = "exact"
     terms: tuple[TermSpec, ...] = ()
+    stopped: bool = False
     items: list[Trial] = field(default_factory=list)
     placed: list[np.ndarray] = field(default_factory=list)
     excluded: Counter[str] = field(default_factory=Counter)
@@ -76,7 +80,7 @@ class Record:
     @property
     def rate(self) -> Rate:
         """Successes so far."""
-        return Rate(sum(trial.success for trial in self.items), len(self.items))
+        return Rate(sum(trial.success for trial in self.items), len(self.items), self.stopped)
 
     @property
     def stages(self) -> tuple[str, ...]:
@@ -88,9 +92,7 @@ class Record:
         """Sum of the fractions of stages that the trials reached."""
         return Rate(sum(trial.stage for trial in self.items) / len(self.stages), len(self.items))
 
-    def trials(
-        self, actor: Actor, *, label: str, source: Artifact, algorithm: str = "", stopped: bool = False
-    ) -> Trials:
+    def trials(self, actor: Actor, *, label: str, source: Artifact, algorithm: str = "") -> Trials:
         """Return the recorded trials as an artifact."""
         return Trials(
             actor=actor,
@@ -103,7 +105,7 @@ class Record:
             world=self.bundle.kind,
             poses=self.poses,
             stages=self.stages,
-            stopped=stopped,
+            stopped=self.stopped,
             items=tuple(self.items),
             placed=np.array(self.placed, np.float32).reshape(len(self.items), len(self.bundle.objects), 7),
             excluded=dict(self.excluded),
@@ -118,6 +120,12 @@ class Record:
             if attempt.episode is not None
         }
         return gathered(self.bundle, kept.get(True, {}), kept.get(False, {}), len(self.items), self.terms)
+
+
+def policy_label(contract: PolicyContract) -> str:
+    """Name of a policy in tables: `ACT`, or `ACT image` for a policy on pictures."""
+    sees = any(channel.encoding == "picture" for channel in contract.inputs)
+    return contract.algorithm.upper() + (" image" if sees else "")
 
 
 def same_task(ctx: Context, twin: TaskBundle, world: TaskBundle) -> None:
