@@ -231,8 +231,8 @@ def joined(pairs: Paired, rest: Rate) -> Rate:
 
     The prediction-powered estimate with the weight of least variance (Angelopoulos et al. 2023, PPI++; Badithela et al.
     2025 for robots): the rate in the second world, corrected by how much the first world's rate of the pairs differs
-    from that of the rest. Its variance is that of `n` pairs times 1 - r^2 N / (N + n), r the correlation of verdicts, so
-    it is worth more trials than there are pairs; Wilson's interval of as many holds for few pairs, too.
+    from that of the rest. Its variance is that of n pairs times 1 - r^2 N / (N + n), with r their correlation: it is
+    worth more trials than there are pairs; Wilson's interval of as many holds for few pairs, too.
 
     Args:
         pairs: n verdicts in the first and the second world from the same starts.

@@ -11,7 +11,6 @@ from dextera_build.artifacts.tasks.task import TaskSpec, WorldKind
 from dextera_build.artifacts.tasks.trials import Trial, Trials
 from dextera_build.sim.primitives.articulate.primitive import ArticulateGoal
 
-
 STAGES = ("moved", "halfway", "at its command", "success")
 """Steps of the tasks; failures of `trials` end halfway."""
 

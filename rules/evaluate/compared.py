@@ -130,10 +130,10 @@ def _run(ctx: Context, records: dict[str, Record], made: Iterator[Attempt], opti
     for done, attempts in enumerate(zip(made, made, strict=True), 1):
         for record, attempt in zip(records.values(), attempts, strict=True):
             record.add(attempt)
-        verdicts = [[trial.success for trial in record.items] for record in records.values()]
-        ctx.progress(done, options.trials, " against ".join(str(sum(each)) for each in verdicts))
-        if decided(*verdicts, options.alpha) is not None:
-            return len(verdicts[0])
+        one, other = ([trial.success for trial in record.items] for record in records.values())
+        ctx.progress(done, options.trials, f"{sum(one)} against {sum(other)}")
+        if decided(one, other, options.alpha) is not None:
+            return len(one)
     return None
 
 

@@ -64,8 +64,8 @@ def paired(ctx: Context, trials: Collection[Trials], *, options: PairedOptions) 
             "p: McNemar's exact test, two-sided; a dash if the results decided when the trials ended",
             f"e: e-value of `neither is better`, by bets on the starts that only one side solves; it ever reaches"
             f" {1 / options.alpha:.0f} with a probability of at most {options.alpha:g}, whenever one stops",
-            f"decided after: number of starts after which e was {1 / options.alpha:.0f} for the first time; neither p nor e is"
-            " corrected for the number of comparisons",
+            f"decided after: number of starts after which e was {1 / options.alpha:.0f} for the first time",
+            "neither p nor e is corrected for the number of comparisons",
         ),
     )
 

@@ -61,7 +61,7 @@ def success_rates(ctx: Context, trials: Collection[Trials], *, options: SuccessR
         ),
         rows=tuple(rows),
         notes=(
-            "low, high: 95 % Wilson interval; of trials that ended when a comparison was decided, a confidence sequence",
+            "low, high: 95 % Wilson interval, or a confidence sequence if the results decided when the trials ended",
             "progress: the last stage of its task that a trial reached, as a fraction of all stages, success being the"
             " last; mean over trials, with an interval that is rather too wide",
             "mean time: of the successes, from the start to the verdict, the time that success must hold included",

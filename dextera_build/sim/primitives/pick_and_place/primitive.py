@@ -112,7 +112,7 @@ class Primitive(base.Primitive[PlaceGoal]):
         return Past(now, np.where(carried, CARRIED, left), fault, mark)
 
     def reached(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
-        """Touched by a hand, between opposing fingers, held by hands alone, at its target after that, released there."""
+        """Touched by a hand, between opposing fingers, held by hands alone, then at its target, then released there."""
         carried = past.stage != WAITS
         there = carried & self._there(start, now) if carried.any() else carried
         grasped = now.grasp(self.task.limbs).held
