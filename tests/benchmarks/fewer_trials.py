@@ -168,7 +168,8 @@ def main() -> None:
     print("mean progress, 20 trials, covered:", end=" ")
     for shares in ((0.1, 0.1, 0.1, 0.1, 0.6), (0.0, 0.3, 0.0, 0.0, 0.7), (0.3, 0.3, 0.2, 0.1, 0.1)):
         print(f"{100 * mean_progress(shares, 20, RUNS, rng):.1f} %", end=" ")
-    print()
+    looks = fixed(*wins(chances(0.5, 0.5, 0.0), 150, RUNS, rng)).any(axis=1).mean()
+    print(f"\nMcNemar's p below {ALPHA} at any of 150 starts, both rates 0.5: {100 * looks:.1f} %")
 
 
 if __name__ == "__main__":
