@@ -27,6 +27,7 @@ def attempted(
         start = environment.draw(seed)
     except RuleError as error:
         return Attempt(seed=seed, excluded=error.message)
+    environment.staged = True
     environment.begin(start)
     placed = environment.object_poses().astype(np.float32)
     episode = closed_loop(environment, policy, start, look, watching)

@@ -53,6 +53,7 @@ def replays(
         return synthesis.synthesise(driver, sources, start, seed, manner)
 
     there = Environment(world)
+    there.staged = True
     watched = nullcontext() if cell is None else TrackedCell(there, cell, world.objects)
     with watched as watching:
         replay = Replay(

@@ -238,7 +238,10 @@ def faulted(fault: np.ndarray, found: Mapping[str, np.ndarray]) -> np.ndarray:
 
 def furthest(*conditions: np.ndarray) -> np.ndarray:
     """Number of the last condition (N,) bool that holds, from 1; 0 where none does; (N,) int."""
-    return np.asarray(np.max([number * held for number, held in enumerate(conditions, 1)], axis=0))
+    found = conditions[0].astype(int)
+    for number, held in enumerate(conditions[1:], 2):
+        found = np.where(held, number, found)
+    return found
 
 
 def lengths(vectors: np.ndarray) -> np.ndarray:

@@ -67,11 +67,11 @@ def test_a_success_has_passed_all_stages() -> None:
 
 @pytest.mark.parametrize(("lid", "stage"), [(1.45, 0), (1.3, 1), (0.7, 2), (0.05, 3)])
 def test_joints_come_nearer_in_stages(lid: float, stage: int) -> None:
-    judge = Judge(test_success.CLOSE, test_success.case(lid=1.5))
+    judge = Judge(test_success.CLOSE, test_success.case(lid=1.5), staged=True)
     judge.update(test_success.case(0.05, lid=lid))
     judge.update(test_success.case(0.10, lid=1.5))
     assert judge.stage.tolist() == [stage]
-    dragged = Judge(test_success.CLOSE, test_success.case(lid=1.5))
+    dragged = Judge(test_success.CLOSE, test_success.case(lid=1.5), staged=True)
     dragged.update(test_success.case(0.05, lid=lid, pose=factories.pose(0.3)))
     assert dragged.stage.tolist() == [0]
 
@@ -82,7 +82,7 @@ def test_worlds_come_as_far_together_as_alone() -> None:
     episodes = [trace.states[-length:] for trace in traces]
 
     def stages(states: list) -> list[int]:
-        judge = Judge(LIFT, states[0], {"box": box()})
+        judge = Judge(LIFT, states[0], {"box": box()}, staged=True)
         for state in states[1:]:
             judge.update(state)
         return judge.stage.tolist()
@@ -94,7 +94,7 @@ def test_worlds_come_as_far_together_as_alone() -> None:
 
 def test_a_primitive_without_stages_has_none(monkeypatch: pytest.MonkeyPatch) -> None:
     trace = Trace().go((0, 0, 0.2), 20, right=HOLD).stay(20, right=HOLD)
-    judge = Judge(LIFT, trace.states[0], {"box": box()})
+    judge = Judge(LIFT, trace.states[0], {"box": box()}, staged=True)
     monkeypatch.setattr(type(judge.primitive), "stages", ())
     monkeypatch.delattr(type(judge.primitive), "reached")
     assert max(judge.update(state)[0] for state in trace.states[1:])

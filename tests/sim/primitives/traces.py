@@ -112,7 +112,7 @@ class Trace:
         return ("", *judge.primitive.stages)[judge.stage[0]]
 
     def _judged(self, task: TaskSpec, **objects: Any) -> tuple[bool, Judge]:
-        judge = Judge(task, self.states[0], {"box": box(), **objects})
+        judge = Judge(task, self.states[0], {"box": box(), **objects}, staged=True)
         done = [bool(judge.update(state)[0]) for state in self.states[1:]]
         return any(done), judge
 
