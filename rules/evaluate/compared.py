@@ -109,8 +109,8 @@ def compared(
 
     cases = [(slot, seed) for seed in seeds(options.seed, options.trials) for slot in labels]
     after = _run(ctx, records, resumed(ctx, cases, make), options)
-    for record in records.values():
-        close(ctx, record)
+    for slot, record in records.items():
+        close(ctx, record, labels[slot])
         show(ctx, record, view, options.strip_frames)
     _say(ctx, records, labels, after)
     parts = {

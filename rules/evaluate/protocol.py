@@ -138,8 +138,8 @@ def same_task(ctx: Context, twin: TaskBundle, world: TaskBundle) -> None:
         )
 
 
-def close(ctx: Context, record: Record) -> None:
-    """Report the result; fail on a record without trials."""
+def close(ctx: Context, record: Record, of: str = "") -> None:
+    """Report the result; fail on a record without trials. `of` names its actor in metrics if there are several."""
     ctx.check(
         bool(record.items),
         f"no trial of `{record.bundle.task.name}` came about",
@@ -148,10 +148,9 @@ def close(ctx: Context, record: Record) -> None:
     )
     rate, without = record.rate, sum(record.excluded.values())
     low, high = rate.interval()
-    ctx.metric("success", 100 * rate.value, "%")
-    ctx.metric("success, low", 100 * low, "%")
-    ctx.metric("success, high", 100 * high, "%")
-    ctx.metric("progress", 100 * record.progress.value, "%")
+    shares = {"success": rate.value, "success, low": low, "success, high": high, "progress": record.progress.value}
+    for what, share in shares.items():
+        ctx.metric(f"{of}: {what}" if of else what, 100 * share, "%")
     if without:
         ctx.metric("without a trial", without, f"of {len(record.items) + without}")
     how = ", poses tracked" if record.poses == "tracked" else ""

@@ -34,6 +34,8 @@ def test_the_trials_end_when_one_policy_is_the_better_one(runner):
     assert [trial.start for trial in found.first.items] == [trial.start for trial in found.second.items]
     assert np.array_equal(found.first.placed, found.second.placed)
     assert runner.outcome.line == "pushes is better, known after 8 starts: pushes 8/8 against stops 0/8"
+    assert runner.outcome.metrics["pushes: success"] == (100.0, "%")
+    assert runner.outcome.metrics["stops: progress"] == (25.0, "%")
     parts = Collection[Trials](items={"first": found.first, "second": found.second})
     (row,) = runner.run("evaluate.paired", trials=parts).rows
     assert row[1:5] == ("pushes, twin", "stops, twin", 8, 8)
