@@ -1,6 +1,7 @@
-"""Statistics of success rates: confidence intervals, and how well one world predicts another.
+"""Statistics of success rates: confidence intervals, tests, and how well one world predicts another.
 
-Rates are fractions from 0 to 1. All functions are deterministic.
+Rates are fractions from 0 to 1. All functions are deterministic. Intervals of Wilson and p-values hold for a number of
+trials that was chosen beforehand; `evidence` and `confidence_sequence` hold whenever one stops.
 """
 
 from __future__ import annotations
@@ -17,8 +18,12 @@ Z90 = NormalDist().inv_cdf(0.95)
 """Half width of a central 90 % interval of a normal distribution, in standard deviations."""
 
 
-def wilson(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Score interval of a success rate (Wilson 1927), within [0, 1]; (0, 1) without trials."""
+def wilson(successes: float, trials: float, confidence: float = 0.95) -> tuple[float, float]:
+    """Score interval of a success rate (Wilson 1927), within [0, 1]; (0, 1) without trials.
+
+    Of a sum of numbers from 0 to 1 it is too wide rather than too narrow: their variance is at most that of successes
+    and failures with the same mean.
+    """
     if trials == 0:
         return 0.0, 1.0
     z = _quantile(confidence)
@@ -41,12 +46,51 @@ def bootstrap(
     return float(low), float(high)
 
 
+def evidence(total: float, trials: int, rate: float) -> float:
+    """E-value against the mean `rate`: wealth of a gambler who bets on trials, with all alternatives mixed evenly.
+
+    While every trial has the mean `rate`, given the earlier ones, the wealth ever reaches 1 / alpha with a probability
+    of at most alpha (Ville 1939), so that one may stop at any time. The bets are likelihood ratios of success and
+    failure; for numbers between 0 and 1 the wealth grows no faster, because a ratio is convex in the result.
+
+    Args:
+        total: Sum of the results, each from 0 to 1: the successes.
+        trials: Their number.
+        rate: The mean that is tested, 0 < rate < 1.
+    """
+    return math.exp(min(_log_evidence(total, trials, rate), 700.0))
+
+
+def confidence_sequence(total: float, trials: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Interval of a mean that holds after every number of trials at once: the means not refuted by `evidence`.
+
+    Args:
+        total: Sum of the results, each from 0 to 1.
+        trials: Their number; (0, 1) without any.
+        confidence: Probability that the mean is in the intervals of all numbers of trials.
+    """
+    most, mean = -math.log(1.0 - confidence), total / trials if trials else 0.0
+
+    def end(outer: float) -> float:
+        inner = mean
+        for _ in range(50):
+            middle = 0.5 * (inner + outer)
+            refuted = _log_evidence(total, trials, middle) > most
+            inner, outer = (inner, middle) if refuted else (middle, outer)
+        return outer
+
+    return 0.0 if total <= 0 else end(0.0), 1.0 if total >= trials else end(1.0)
+
+
 @dataclass(frozen=True)
 class Rate:
     """Successes among trials."""
 
-    successes: int
-    trials: int
+    successes: float
+    trials: float
+    """Fractional for an estimate that is worth as many trials, see `joined`."""
+    stopped: bool = False
+    """Whether the results decided when the trials ended; the interval is then that of `confidence_sequence`."""
 
     @property
     def value(self) -> float:
@@ -54,7 +98,9 @@ class Rate:
         return self.successes / self.trials if self.trials else 0.0
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
-        """Wilson interval."""
+        """Wilson interval, or that of a confidence sequence."""
+        if self.stopped:
+            return confidence_sequence(self.successes, int(self.trials), confidence)
         return wilson(self.successes, self.trials, confidence)
 
     def __str__(self) -> str:
@@ -139,6 +185,11 @@ class Paired:
         tail = sum(math.comb(count, k) for k in range(fewer + 1))
         return float(min(1.0, 2 * tail / 2**count))
 
+    @property
+    def e(self) -> float:
+        """E-value of "neither is better", whenever the trials ended: the starts that only one solves are fair coins."""
+        return evidence(self.first, self.first + self.second, 0.5)
+
 
 def paired(first: Sequence[bool], second: Sequence[bool]) -> Paired:
     """Compare two series of verdicts start by start."""
@@ -151,6 +202,62 @@ def paired(first: Sequence[bool], second: Sequence[bool]) -> Paired:
         second=pairs.count((False, True)),
         neither=pairs.count((False, False)),
     )
+
+
+def decided(first: Sequence[bool], second: Sequence[bool], alpha: float = 0.05) -> int | None:
+    """Number of starts after which one of two series is the better one; None if it stays open.
+
+    If neither is better, this happens with a probability of at most `alpha`, however many starts follow.
+
+    Args:
+        first: Verdicts in the order in which they came.
+        second: Verdicts on the same starts.
+        alpha: Probability of a wrong decision.
+    """
+    wins = np.array([0, 0])
+    for number, (one, other) in enumerate(zip(first, second, strict=True), 1):
+        wins += (one and not other, other and not one)
+        if one != other and Paired(0, int(wins[0]), int(wins[1]), 0).e >= 1.0 / alpha:
+            return number
+    return None
+
+
+SMOOTHING = 1.0
+"""Starts added to each of the four cells of pairs in `joined`: few pairs agree by chance."""
+
+
+def joined(pairs: Paired, rest: Rate) -> Rate:
+    """Success rate in the second of two worlds, from trials in both and from more trials in the first alone.
+
+    The prediction-powered estimate with the weight of least variance (Angelopoulos et al. 2023, PPI++; Badithela et al.
+    2025 for robots): the rate in the second world, corrected by how much the first world's rate of the pairs differs
+    from that of the rest. Its variance is that of n pairs times 1 - r^2 N / (N + n), with r their correlation: it is
+    worth more trials than there are pairs; Wilson's interval of as many holds for few pairs, too.
+
+    Args:
+        pairs: n verdicts in the first and the second world from the same starts.
+        rest: N trials in the first world from other starts of the same distribution.
+
+    Returns:
+        The estimate, with the number of trials in the second world that it is worth.
+    """
+    cells = np.array([pairs.both, pairs.first, pairs.second, pairs.neither], np.float64)
+    count = float(cells.sum())
+    if not count or not rest.trials:
+        return Rate(cells[[0, 2]].sum(), count)
+    both, only_first, only_second, _ = (cells + SMOOTHING) / (count + 4 * SMOOTHING)
+    here, there = both + only_first, both + only_second
+    shared, spread = both - here * there, here * (1.0 - here)
+    more = rest.trials / (rest.trials + count)
+    found = cells[[0, 2]].sum() / count + shared / spread * more * (rest.value - cells[:2].sum() / count)
+    worth = count / (1.0 - shared**2 / (spread * there * (1.0 - there)) * more)
+    return Rate(float(np.clip(found, 0.0, 1.0) * worth), float(worth))
+
+
+def _log_evidence(total: float, trials: int, rate: float) -> float:
+    rest = trials - total
+    mixed = math.lgamma(total + 1.0) + math.lgamma(rest + 1.0) - math.lgamma(trials + 2.0)
+    return mixed - total * math.log(rate) - rest * math.log1p(-rate)
 
 
 def _quantile(confidence: float) -> float:

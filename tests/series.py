@@ -11,6 +11,9 @@ from dextera_build.artifacts.tasks.task import TaskSpec, WorldKind
 from dextera_build.artifacts.tasks.trials import Trial, Trials
 from dextera_build.sim.primitives.articulate.primitive import ArticulateGoal
 
+STAGES = ("moved", "halfway", "at its command", "success")
+"""Steps of the tasks; failures of `trials` end halfway."""
+
 
 def task(name: str = "CloseLaptop", **changed: float) -> TaskSpec:
     """A task of that name."""
@@ -45,7 +48,14 @@ def trials(
         verdicts = [number < verdicts[0] for number in range(verdicts[1])]
     known = list(seeds) if seeds is not None else list(range(len(verdicts)))
     items = [
-        Trial(seed=seed, start=f"{seed}", success=bool(done), reason="" if done else "slipped", steps=40 + 2 * number)
+        Trial(
+            seed=seed,
+            start=f"{seed}",
+            success=bool(done),
+            reason="" if done else "slipped",
+            steps=40 + 2 * number,
+            stage=len(STAGES) if done else 2,
+        )
         for number, (seed, done) in enumerate(zip(known, verdicts, strict=True))
     ]
     fields = {
@@ -57,6 +67,7 @@ def trials(
         "embodiment": f"{robot:0>64}",
         "robot": robot,
         "world": world,
+        "stages": STAGES,
         "items": tuple(items),
         "placed": placed(known),
         "excluded": {},

@@ -149,3 +149,82 @@ def test_mcnemar_is_rarely_wrong_where_neither_is_better():
         outcomes = itertools.product([True, False], repeat=count)
         wrong = sum(Paired(0, sum(one), count - sum(one), 0).p < 0.05 for one in outcomes)
         assert wrong / 2**count < 0.05
+
+
+@pytest.mark.parametrize(("wins", "losses", "e"), [(0, 0, 1.0), (1, 0, 1.0), (8, 0, 256 / 9), (3, 3, 64 / 140)])
+def test_the_e_value_is_the_mean_wealth_of_all_bets(wins, losses, e):
+    assert Paired(50, wins, losses, 9).e == Paired(0, losses, wins, 0).e == pytest.approx(e)
+    bets = (np.arange(20_000) + 0.5) / 20_000
+    mixed = (2.0 ** (wins + losses) * bets**wins * (1 - bets) ** losses).mean()
+    assert Paired(0, wins, losses, 0).e == pytest.approx(mixed, rel=1e-6)
+
+
+@given(st.integers(1, 12), st.floats(0.05, 0.95))
+def test_a_gambler_gains_nothing_where_the_rate_is_true(trials, rate):
+    wealth = sum(
+        math.comb(trials, k) * rate**k * (1 - rate) ** (trials - k) * statistics.evidence(k, trials, rate)
+        for k in range(trials + 1)
+    )
+    assert wealth == pytest.approx(1.0)
+
+
+@given(st.floats(0.05, 0.95), st.floats(0, 1))
+def test_numbers_between_failure_and_success_bring_no_more(rate, part):
+    """Half a success in every trial, mean `rate`: the mean wealth after three trials is at most 1."""
+    low, high = rate * part, rate + (1 - rate) * part
+    chance = (rate - low) / (high - low) if high > low else 0.0
+    wealth = sum(
+        math.comb(3, k) * chance**k * (1 - chance) ** (3 - k) * statistics.evidence(k * high + (3 - k) * low, 3, rate)
+        for k in range(4)
+    )
+    assert wealth <= 1.0 + 1e-9
+
+
+def test_a_difference_is_decided_once_and_stays_so():
+    ahead = [True] * 8 + [False] * 8
+    assert statistics.decided(ahead, [False] * 8 + [True] * 8) == 8
+    assert statistics.decided([True, True, *ahead], [True, True, *[False] * 16]) == 10
+    assert statistics.decided(ahead[:7], [False] * 7) is None
+    assert statistics.decided(ahead[:7], [False] * 7, alpha=0.1) == 7
+    with pytest.raises(ValueError, match="shorter"):
+        statistics.decided([True], [])
+
+
+@given(COUNTS)
+def test_a_confidence_sequence_is_wider_than_wilson_and_holds_the_rate(count):
+    successes, trials = count
+    low, high = statistics.confidence_sequence(successes, trials)
+    assert 0 <= low <= successes / trials <= high <= 1
+    narrow = statistics.wilson(successes, trials)
+    assert high - low >= narrow[1] - narrow[0] - 1e-9
+    for end in (low, high):
+        if 0 < end < 1:
+            assert statistics.evidence(successes, trials, end) == pytest.approx(20.0, rel=1e-6)
+    assert statistics.Rate(successes, trials, stopped=True).interval() == (low, high)
+    assert statistics.confidence_sequence(0, 0) == (0.0, 1.0)
+
+
+def test_without_other_starts_the_twin_adds_nothing():
+    pairs = Paired(10, 3, 2, 5)
+    assert statistics.joined(pairs, Rate(0, 0)) == Rate(12, 20)
+
+
+def test_a_twin_that_agrees_lends_its_trials():
+    """All but the added starts agree: the estimate moves towards the twin's rate of all starts."""
+    found = statistics.joined(Paired(30, 0, 0, 20), Rate(100, 200))
+    assert 0.5 < found.value < 0.6
+    assert 100 < found.trials < 250
+    assert found.value == pytest.approx((100 + 30) / 250, abs=0.02)
+
+
+def test_a_twin_without_a_relation_lends_nothing():
+    found = statistics.joined(Paired(9, 9, 9, 9), Rate(180, 200))
+    assert (found.value, found.trials) == (pytest.approx(0.5), pytest.approx(36))
+
+
+@given(st.tuples(*[st.integers(0, 30)] * 4), COUNTS)
+def test_a_joined_estimate_is_a_rate_of_at_least_its_own_trials(cells, rest):
+    found = statistics.joined(Paired(*cells), Rate(*rest))
+    low, high = found.interval()
+    assert 0 <= low <= found.value <= high <= 1
+    assert sum(cells) - 1e-9 <= found.trials <= sum(cells) + rest[1]

@@ -46,7 +46,7 @@ def _card(run: Run, pictures: Pictures, films: Films | None, name: str, bundles:
     ]
     listed = [tag("div", None, tag("dt", None, word), tag("dd", None, text)) for word, text in facts if text]
     rates = list(_rates(run, bundles))
-    rows = [_row(node, who, world, rate) for node, who, world, rate in rates]
+    rows = [_row(*each) for each in rates]
     return tag(
         "article",
         {"class": "card task"},
@@ -80,8 +80,8 @@ def _film(node: Node, films: Films | None, rate_hz: float) -> Html | None:
     return tag("figure", {"class": "shot film"}, video, words)
 
 
-def _rates(run: Run, bundles: list[Node]) -> Iterator[tuple[Node, str, str, Rate]]:
-    """Node, actor, world and successes of every expert and policy that tried the task."""
+def _rates(run: Run, bundles: list[Node]) -> Iterator[tuple[Node, str, str, Rate, float | None]]:
+    """Node, actor, world, successes and, if known, mean progress of every expert and policy that tried the task."""
     kinds = {node.output: str(node.fields.get("kind", "")) for node in bundles}
     for node in run.nodes:
         here = [digest for digest in node.inputs.values() if digest in kinds]
@@ -90,15 +90,17 @@ def _rates(run: Run, bundles: list[Node]) -> Iterator[tuple[Node, str, str, Rate
         if node.rule == _OPERATE:
             done = len(plain(node.fields.get("items", {})))
             who = "operator's hands" if "recording" in node.inputs else "scripted operator"
-            yield node, who, kinds[here[0]], Rate(done, int(node.fields.get("attempts", done)))
+            yield node, who, kinds[here[0]], Rate(done, int(node.fields.get("attempts", done))), None
         elif node.artifact == "Trials":
             trials = [trial for trial in plain(node.fields.get("items", [])) if isinstance(trial, dict)]
             rate = Rate(sum(bool(trial.get("success")) for trial in trials), len(trials))
+            steps = len(trials) * len(plain(node.fields.get("stages", [])))
+            progress = sum(int(trial.get("stage", 0)) for trial in trials) / steps if steps else None
             tracked = ", tracked" if node.fields.get("poses") == "tracked" else ""
-            yield node, str(node.fields.get("label", "")) + tracked, str(node.fields.get("world", "")), rate
+            yield node, str(node.fields.get("label", "")) + tracked, str(node.fields.get("world", "")), rate, progress
 
 
-def _row(node: Node, who: str, world: str, rate: Rate) -> Html:
+def _row(node: Node, who: str, world: str, rate: Rate, progress: float | None) -> Html:
     low, high = (100 * each for each in rate.interval())
     span = tag("i", {"style": f"left:{low:.1f}%;width:{high - low:.1f}%"})
     point = tag("b", {"style": f"left:{100 * rate.value:.1f}%"})
@@ -110,6 +112,11 @@ def _row(node: Node, who: str, world: str, rate: Rate) -> Html:
         tag("td", {"class": "number"}, words),
         tag("td", None, tag("span", {"class": "rate", "aria-hidden": "true"}, span, point)),
         tag("td", {"class": "number sub", "title": "95 % interval (Wilson)"}, f"{low:.0f}–{high:.0f} %"),
+        tag(
+            "td",
+            {"class": "number sub", "title": "mean fraction of the stages that trials reached"},
+            "" if progress is None else f"progress {100 * progress:.0f} %",
+        ),
     )
 
 

@@ -27,9 +27,11 @@ def attempted(
         start = environment.draw(seed)
     except RuleError as error:
         return Attempt(seed=seed, excluded=error.message)
+    environment.staged = True
     environment.begin(start)
     placed = environment.object_poses().astype(np.float32)
     episode = closed_loop(environment, policy, start, look, watching)
     if watching is not None:
         watching.settle()
-    return Attempt(seed=seed, episode=episode, placed=placed, sighting=watching and watching.sighting)
+    stage = int(environment.judge.stage[0])
+    return Attempt(seed=seed, episode=episode, placed=placed, stage=stage, sighting=watching and watching.sighting)

@@ -25,6 +25,8 @@ class OperatorTrialsOptions(Options):
 
     trials: int = Field(20, ge=1)
     """Number of starts in each world."""
+    twin_trials: int = Field(0, ge=0)
+    """Number of starts in the twin, the same ones first; 0: `trials`. More of them tell `evaluate.transfer` more."""
     seed: int = Field(0, ge=0)
     """Seed of the starts; the same as for policies."""
     label: str = "operator"
@@ -94,8 +96,12 @@ def operator_trials(
     if cell is not None:
         ways["cell"] = (world, cell)
     records = {name: Record(where, "tracked" if through else "exact") for name, (where, through) in ways.items()}
-    drawn = seeds(options.seed, options.trials)
-    cases = [(name, Case(where, through, seed)) for name, (where, through) in ways.items() for seed in drawn]
+    counts = {"twin": options.twin_trials or options.trials}
+    cases = [
+        (name, Case(where, through, seed))
+        for name, (where, through) in ways.items()
+        for seed in seeds(options.seed, counts.get(name, options.trials))
+    ]
 
     def make(left: list[tuple[str, Case]]) -> Iterator[Attempt]:
         made: Iterator[Attempt] = ctx.backend.operated(ctx, twin, [case for _, case in left], ctx.backend_options)

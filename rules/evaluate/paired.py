@@ -5,13 +5,14 @@ from __future__ import annotations
 from itertools import combinations
 
 import numpy as np
+from pydantic import Field
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.table import Cell as Entry
 from dextera_build.artifacts.table import Column, Table
 from dextera_build.artifacts.tasks.trials import Trials
 from dextera_build.rule import Context, rule
-from dextera_build.statistics import Paired
+from dextera_build.statistics import decided
 from dextera_build.statistics import paired as counts_of
 
 from .series import Cell, Series, SeriesOptions
@@ -25,15 +26,19 @@ NEAR = 0.01
 class PairedOptions(SeriesOptions):
     """Options of evaluate.paired."""
 
+    alpha: float = Field(0.05, gt=0, lt=1)
+    """Probability of naming one side the better one if neither is."""
 
-@rule(version=1, packages=("numpy",))
+
+@rule(version=2, packages=("numpy",))
 def paired(ctx: Context, trials: Collection[Trials], *, options: PairedOptions) -> Table:
-    """Return one row per pair of trial sets of a task, of two actors or in two worlds, with McNemar's exact p.
+    """Return one row per pair of trial sets of a task, of two actors or in two worlds, with McNemar's p and an e-value.
 
-    Trials are matched by the seed of their start; unmatched trials are omitted.
+    Trials are matched by the seed of their start; unmatched trials are omitted. The e-value holds whenever the trials
+    ended, p only for a number that was chosen beforehand.
     """
     series = Series(ctx, trials, options.robots)
-    rows = [_row(one, other) for one, other in combinations(series.cells, 2) if _comparable(one, other)]
+    rows = [_row(one, other, options.alpha) for one, other in combinations(series.cells, 2) if _comparable(one, other)]
     rows = [row for row in rows if row[3]]
     ctx.check(
         bool(rows),
@@ -41,20 +46,26 @@ def paired(ctx: Context, trials: Collection[Trials], *, options: PairedOptions) 
         hint="give `evaluate.rollouts` of one task the same `seed`",
         sets=", ".join(f"{cell.label} in {cell.pair} ({cell.world})" for cell in series.cells[:6]),
     )
-    clear = sum(isinstance(row[-1], float) and row[-1] < 0.05 for row in rows)
-    ctx.say(f"{len(rows)} comparisons on the same starts, {clear} with p below 0.05")
+    clear = sum(row[-1] is not None for row in rows)
+    ctx.say(f"{len(rows)} comparisons on the same starts, {clear} decided")
     return Table(
         title="Comparisons on the same starts",
         columns=(
             *(Column(name=name) for name in ("task", "first", "second", "starts", "placed alike")),
             *(Column(name=name) for name in ("both", "only first", "only second", "neither")),
             Column(name="p", digits=4),
+            Column(name="e", digits=2),
+            Column(name="decided after"),
         ),
         rows=tuple(rows),
         notes=(
             "starts: seeds that both sides tried",
             "placed alike: starts at which every object stood within 1 mm and about 1° of the same place",
-            "p: McNemar's exact test, two-sided, not corrected for the number of comparisons",
+            "p: McNemar's exact test, two-sided; a dash if the results decided when the trials ended",
+            f"e: e-value of `neither is better`, by bets on the starts that only one side solves; it ever reaches"
+            f" {1 / options.alpha:.0f} with a probability of at most {options.alpha:g}, whenever one stops",
+            f"decided after: number of starts after which e was {1 / options.alpha:.0f} for the first time",
+            "neither p nor e is corrected for the number of comparisons",
         ),
     )
 
@@ -65,18 +76,14 @@ def _comparable(one: Cell, other: Cell) -> bool:
     return alike and (one.world == other.world or one.label == other.label)
 
 
-def _row(one: Cell, other: Cell) -> tuple[Entry, ...]:
-    first = {trial.seed: number for number, trial in enumerate(one.trials.items)}
-    second = {trial.seed: number for number, trial in enumerate(other.trials.items)}
-    shared = [(number, second[seed]) for seed, number in first.items() if seed in second]
-    verdicts: Paired = counts_of(
-        [one.trials.items[here].success for here, _ in shared],
-        [other.trials.items[there].success for _, there in shared],
-    )
+def _row(one: Cell, other: Cell, alpha: float) -> tuple[Entry, ...]:
+    shared, both = one.shared(other), one.against(other)
+    verdicts = counts_of(*both)
     alike = sum(_alike(one.trials.placed[here], other.trials.placed[there]) for here, there in shared)
     names = (f"{one.label}, {one.world}", f"{other.label}, {other.world}")
     counts = (verdicts.both, verdicts.first, verdicts.second, verdicts.neither)
-    return (str(one.pair), *names, len(shared), alike, *counts, verdicts.p)
+    p = None if one.trials.stopped or other.trials.stopped else verdicts.p
+    return (str(one.pair), *names, len(shared), alike, *counts, p, verdicts.e, decided(*both, alpha))
 
 
 def _alike(one: np.ndarray, other: np.ndarray) -> bool:

@@ -13,6 +13,7 @@ import numpy as np
 from dextera_build import digest
 from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.tasks.episode import Episodes
+from dextera_build.artifacts.tasks.policy import PolicyContract
 from dextera_build.artifacts.tasks.reasons import spelled, tally
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.artifacts.tasks.term import TermSpec
@@ -20,11 +21,13 @@ from dextera_build.artifacts.tasks.trials import Actor, Attempt, Poses, Sighting
 from dextera_build.errors import listing
 from dextera_build.policy.layout import embodiment, gathered
 from dextera_build.rule import ROUNDING, Context, Tolerance
+from dextera_build.sim.primitives import catalogue
 from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.statistics import Rate
 
 TOLERANCE = Tolerance(
-    {"": ROUNDING, "items": math.inf, "examples": math.inf, "excluded": math.inf}, metrics={"success": 10.0}
+    {"": ROUNDING, "items": math.inf, "examples": math.inf, "excluded": math.inf},
+    metrics={"success": 10.0, "progress": 10.0},
 )
 """Contacts amplify rounding differences, so a trial may end differently on another processor; most do not."""
 
@@ -42,11 +45,13 @@ class Record:
         bundle: The world.
         poses: Source of the actor's object poses.
         terms: Recorded terms that do not come with dxb.
+        stopped: Whether the results decide when the trials end.
     """
 
     bundle: TaskBundle
     poses: Poses = "exact"
     terms: tuple[TermSpec, ...] = ()
+    stopped: bool = False
     items: list[Trial] = field(default_factory=list)
     placed: list[np.ndarray] = field(default_factory=list)
     excluded: Counter[str] = field(default_factory=Counter)
@@ -67,6 +72,7 @@ class Record:
                 success=episode.success,
                 reason=episode.reason,
                 steps=len(episode.action),
+                stage=len(self.stages) if episode.success else attempt.stage,
                 sighting=attempt.sighting,
             )
         )
@@ -74,7 +80,17 @@ class Record:
     @property
     def rate(self) -> Rate:
         """Successes so far."""
-        return Rate(sum(trial.success for trial in self.items), len(self.items))
+        return Rate(sum(trial.success for trial in self.items), len(self.items), self.stopped)
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """Steps on the way to success, the last one included."""
+        return (*catalogue.kind(self.bundle.task.primitive).stages, "success")
+
+    @property
+    def progress(self) -> Rate:
+        """Sum of the fractions of stages that the trials reached."""
+        return Rate(sum(trial.stage for trial in self.items) / len(self.stages), len(self.items))
 
     def trials(self, actor: Actor, *, label: str, source: Artifact, algorithm: str = "") -> Trials:
         """Return the recorded trials as an artifact."""
@@ -88,6 +104,8 @@ class Record:
             robot=robot_name(self.bundle),
             world=self.bundle.kind,
             poses=self.poses,
+            stages=self.stages,
+            stopped=self.stopped,
             items=tuple(self.items),
             placed=np.array(self.placed, np.float32).reshape(len(self.items), len(self.bundle.objects), 7),
             excluded=dict(self.excluded),
@@ -104,6 +122,12 @@ class Record:
         return gathered(self.bundle, kept.get(True, {}), kept.get(False, {}), len(self.items), self.terms)
 
 
+def policy_label(contract: PolicyContract) -> str:
+    """Name of a policy in tables: `ACT`, or `ACT image` for a policy on pictures."""
+    sees = any(channel.encoding == "picture" for channel in contract.inputs)
+    return contract.algorithm.upper() + (" image" if sees else "")
+
+
 def same_task(ctx: Context, twin: TaskBundle, world: TaskBundle) -> None:
     """Fail if two bundles are not one task in two worlds."""
     if twin.task != world.task or list(twin.objects) != list(world.objects):
@@ -114,8 +138,8 @@ def same_task(ctx: Context, twin: TaskBundle, world: TaskBundle) -> None:
         )
 
 
-def close(ctx: Context, record: Record) -> None:
-    """Report the result; fail on a record without trials."""
+def close(ctx: Context, record: Record, of: str = "") -> None:
+    """Report the result; fail on a record without trials. `of` names its actor in metrics if there are several."""
     ctx.check(
         bool(record.items),
         f"no trial of `{record.bundle.task.name}` came about",
@@ -124,9 +148,9 @@ def close(ctx: Context, record: Record) -> None:
     )
     rate, without = record.rate, sum(record.excluded.values())
     low, high = rate.interval()
-    ctx.metric("success", 100 * rate.value, "%")
-    ctx.metric("success, low", 100 * low, "%")
-    ctx.metric("success, high", 100 * high, "%")
+    shares = {"success": rate.value, "success, low": low, "success, high": high, "progress": record.progress.value}
+    for what, share in shares.items():
+        ctx.metric(f"{of}: {what}" if of else what, 100 * share, "%")
     if without:
         ctx.metric("without a trial", without, f"of {len(record.items) + without}")
     how = ", poses tracked" if record.poses == "tracked" else ""
@@ -134,6 +158,9 @@ def close(ctx: Context, record: Record) -> None:
     _tell(ctx, [(trial.success, trial.sighting) for trial in record.items if trial.sighting is not None])
     for reason, count in tally(trial.reason for trial in record.items if not trial.success).items():
         ctx.log(f"{count} x {reason}")
+    stages = ("no stage", *record.stages)
+    for stage, count in Counter(stages[trial.stage] for trial in record.items if not trial.success).most_common():
+        ctx.log(f"{count} x failed after: {stage}")
     for reason, count in record.excluded.most_common():
         ctx.log(f"{count} x left out: {reason}")
 

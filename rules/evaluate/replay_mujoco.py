@@ -53,6 +53,7 @@ def replays(
         return synthesis.synthesise(driver, sources, start, seed, manner)
 
     there = Environment(world)
+    there.staged = True
     watched = nullcontext() if cell is None else TrackedCell(there, cell, world.objects)
     with watched as watching:
         replay = Replay(
@@ -71,6 +72,7 @@ def replays(
                 episode=done.episode,
                 placed=None if done.placed is None else done.placed.astype(np.float32),
                 excluded=done.reason,
+                stage=int(there.judge.stage[0]),
                 rehearsal=done.rehearsal,
                 sighting=None if watching is None or done.episode is None else watching.sighting,
             )

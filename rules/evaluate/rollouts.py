@@ -11,7 +11,7 @@ from pydantic import Field
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.robots.cell import Cell
 from dextera_build.artifacts.tasks.episode import Episode
-from dextera_build.artifacts.tasks.policy import Checkpoint, PolicyContract
+from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.artifacts.tasks.trials import Attempt, Trials
@@ -20,7 +20,7 @@ from dextera_build.policy.added import listed
 from dextera_build.rule import Context, Options, rule
 
 from .attempts import resumed
-from .protocol import TOLERANCE, Record, close, same_task, seeds
+from .protocol import TOLERANCE, Record, close, policy_label, same_task, seeds
 from .strip import show
 
 
@@ -105,10 +105,5 @@ def rollouts(
         ctx.progress(done, options.trials, f"{record.rate.successes} succeeded")
     close(ctx, record)
     show(ctx, record, view, options.strip_frames)
-    label = options.label or _label(checkpoint.contract)
+    label = options.label or policy_label(checkpoint.contract)
     return record.trials("policy", label=label, source=checkpoint, algorithm=checkpoint.contract.algorithm)
-
-
-def _label(contract: PolicyContract) -> str:
-    sees = any(channel.encoding == "picture" for channel in contract.inputs)
-    return contract.algorithm.upper() + (" image" if sees else "")

@@ -58,7 +58,26 @@ class Cell:
     @property
     def rate(self) -> Rate:
         """Success rate over all trials."""
-        return Rate(self.trials.successes, len(self.trials.items))
+        return Rate(self.trials.successes, len(self.trials.items), self.trials.stopped)
+
+    @property
+    def progress(self) -> Rate:
+        """Mean fraction of the stages reached, over all trials."""
+        return Rate(float(self.trials.progress.sum()), len(self.trials.items), self.trials.stopped)
+
+    def shared(self, other: Cell) -> list[tuple[int, int]]:
+        """Numbers of the trials here and in `other` that began with the same seed, in the order here."""
+        there = {trial.seed: number for number, trial in enumerate(other.trials.items)}
+        items = enumerate(self.trials.items)
+        return [(number, there[trial.seed]) for number, trial in items if trial.seed in there]
+
+    def against(self, other: Cell) -> tuple[list[bool], list[bool]]:
+        """Verdicts here and in `other`, of `shared` trials."""
+        shared = self.shared(other)
+        return (
+            [self.trials.items[here].success for here, _ in shared],
+            [other.trials.items[there].success for _, there in shared],
+        )
 
 
 class Series:

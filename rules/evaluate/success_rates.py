@@ -1,4 +1,4 @@
-"""evaluate.success_rates: success rate, interval, time and failure reasons of every set of trials."""
+"""evaluate.success_rates: success rate, progress, intervals, time and failure reasons of every set of trials."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class SuccessRatesOptions(SeriesOptions):
 
 @rule(version=2, packages=("numpy",))
 def success_rates(ctx: Context, trials: Collection[Trials], *, options: SuccessRatesOptions) -> Table:
-    """Return one row per set of trials: successes [%] with 95 % Wilson interval, mean time [s], failure reasons."""
+    """Return one row per set of trials: successes and progress [%] with 95 % intervals, mean time [s], reasons."""
     series = Series(ctx, trials, options.robots)
     rows: list[tuple[Cell, ...]] = []
     for cell in series.cells:
-        low, high = cell.rate.interval()
+        ends = [100 * end for rate in (cell.rate, cell.progress) for end in (rate.value, *rate.interval())]
         rows.append(
             (
                 str(cell.pair),
@@ -34,9 +34,7 @@ def success_rates(ctx: Context, trials: Collection[Trials], *, options: SuccessR
                 cell.world,
                 cell.rate.trials,
                 cell.rate.successes,
-                100 * cell.rate.value,
-                100 * low,
-                100 * high,
+                *ends,
                 cell.trials.mean_time_s,
                 _judged(cell.trials),
                 spelled(cell.trials.reasons, options.reasons) or None,
@@ -53,6 +51,9 @@ def success_rates(ctx: Context, trials: Collection[Trials], *, options: SuccessR
             Column(name="success", unit="%", digits=1, better="higher"),
             Column(name="low", unit="%", digits=1),
             Column(name="high", unit="%", digits=1),
+            Column(name="progress", unit="%", digits=1, better="higher"),
+            Column(name="progress, low", unit="%", digits=1),
+            Column(name="progress, high", unit="%", digits=1),
             Column(name="mean time", unit="s", digits=2, better="lower"),
             Column(name="judged alike"),
             Column(name="failures"),
@@ -60,7 +61,9 @@ def success_rates(ctx: Context, trials: Collection[Trials], *, options: SuccessR
         ),
         rows=tuple(rows),
         notes=(
-            "low, high: 95 % Wilson interval",
+            "low, high: 95 % Wilson interval, or a confidence sequence if the results decided when the trials ended",
+            "progress: the last stage of its task that a trial reached, as a fraction of all stages, success being the"
+            " last; mean over trials, with an interval that is rather too wide",
             "mean time: of the successes, from the start to the verdict, the time that success must hold included",
             "judged alike: trials with a tracker in which the predicate gives the same verdict on the measurements as"
             " on the truth, whose verdict counts",

@@ -1,4 +1,4 @@
-"""evaluate.transfer: correlation of success in the twin with success in other worlds."""
+"""evaluate.transfer: correlation of success in the twin with success in other worlds, and what the twin adds there."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from dextera_build.artifacts import table
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.tasks.trials import Trials
 from dextera_build.rule import Context, rule
-from dextera_build.statistics import mmrv, pearson, pearson_interval
+from dextera_build.statistics import Rate, joined, mean, mmrv, pearson, pearson_interval
+from dextera_build.statistics import paired as counts_of
 
 from . import published
 from .charts import Dot, scatter
@@ -40,12 +41,31 @@ class Match:
         """Both rates."""
         return self.twin.rate.value, self.other.rate.value
 
+    def __str__(self) -> str:
+        return f"{self.twin.label} in {self.twin.pair}, {self.other.world} world"
 
-@rule(version=2, packages=("numpy",))
+    @property
+    def joined(self) -> Rate | None:
+        """Success in the other world, estimated with the twin's trials from other starts.
+
+        None if there are none, if a start was tried in the other world alone, or if the results decided when the
+        trials ended.
+        """
+        shared = self.twin.shared(self.other)
+        known = {here for here, _ in shared}
+        rest = [trial.success for number, trial in enumerate(self.twin.trials.items) if number not in known]
+        fixed = not (self.twin.trials.stopped or self.other.trials.stopped)
+        if not fixed or not rest or len(shared) < len(self.other.trials.items):
+            return None
+        return joined(counts_of(*self.twin.against(self.other)), Rate(sum(rest), len(rest)))
+
+
+@rule(version=3, packages=("numpy",))
 def transfer(ctx: Context, trials: Collection[Trials], *, options: TransferOptions) -> table.Table:
     """Return Pearson's correlation and MMRV of success in the twin and in other worlds, over cells and over policies.
 
     A cell is one policy in one task of one world; replays are excluded: they are selected by success in the twin.
+    Success in the other world [%] is also estimated jointly from the trials of both worlds (prediction-powered).
     """
     series = Series(ctx, trials, options.robots)
     matches = _matches(series)
@@ -55,7 +75,7 @@ def transfer(ctx: Context, trials: Collection[Trials], *, options: TransferOptio
         hint="give the rollouts of both worlds",
         cells=", ".join(f"{cell.label} in {cell.pair} ({cell.world})" for cell in series.cells[:6]),
     )
-    rows = _rows(matches)
+    rows = [*_rows(matches), *(_cells(str(match), [match]) for match in matches)]
     if options.paper:
         rows += _paper()
     r, violation = rows[0][2], rows[0][5]
@@ -76,7 +96,10 @@ def transfer(ctx: Context, trials: Collection[Trials], *, options: TransferOptio
             table.Column(name="high"),
             table.Column(name="MMRV", better="lower"),
             table.Column(name="twin", unit="%", digits=1),
-            table.Column(name="other world", unit="%", digits=1),
+            *(table.Column(name=name, unit="%", digits=1) for name in _ends("other world")),
+            *(table.Column(name=name, unit="%", digits=1) for name in _ends("joined")),
+            table.Column(name="trials"),
+            table.Column(name="saved", digits=1, better="higher"),
         ),
         rows=tuple(rows),
         notes=_notes(matches),
@@ -94,11 +117,11 @@ def _matches(series: Series) -> list[Match]:
 
 def _rows(matches: Sequence[Match]) -> list[tuple[table.Cell, ...]]:
     """All cells, the cells of each kind of world if there are several, and the policies' means over tasks."""
-    rows = [_row("cells: policy in a task", [match.point for match in matches])]
+    rows = [_cells("cells: policy in a task", matches)]
     worlds = list(dict.fromkeys(match.other.world for match in matches))
     if len(worlds) > 1:
         rows += [
-            _row(f"cells, {world} world", [match.point for match in matches if match.other.world == world])
+            _cells(f"cells, {world} world", [match for match in matches if match.other.world == world])
             for world in worlds
         ]
     by_policy: dict[tuple[str, str], list[Point]] = {}
@@ -121,12 +144,32 @@ def _paper() -> list[tuple[table.Cell, ...]]:
     ]
 
 
-def _row(over: str, points: Sequence[Point]) -> tuple[table.Cell, ...]:
+def _cells(over: str, matches: Sequence[Match]) -> tuple[table.Cell, ...]:
+    """The row of some cells, with the interval of the other world alone and joined with the twin."""
+    rates, estimates = [match.other.rate for match in matches], [match.joined for match in matches]
+    trials = int(sum(rate.trials for rate in rates))
+    ends: list[table.Cell] = [*_percent(rates)[1:], *_NOTHING[2:5], trials, None]
+    if any(estimates):
+        best = [estimate or rate for estimate, rate in zip(estimates, rates, strict=True)]
+        ends[2:5], ends[6] = _percent(best), sum(rate.trials for rate in best) - trials
+    return _row(over, [match.point for match in matches], ends)
+
+
+_NOTHING: tuple[table.Cell, ...] = (None,) * 7
+"""Intervals and counts of a row without trials of its own."""
+
+
+def _row(over: str, points: Sequence[Point], ends: Sequence[table.Cell] = _NOTHING) -> tuple[table.Cell, ...]:
     here, there = [point[0] for point in points], [point[1] for point in points]
     r = pearson(here, there)
     low, high = (pearson_interval(r, len(points)) if r is not None else None) or (None, None)
     middle = _middle(points)
-    return over, len(points), r, low, high, mmrv(here, there), 100 * middle[0], 100 * middle[1]
+    return over, len(points), r, low, high, mmrv(here, there), 100 * middle[0], 100 * middle[1], *ends
+
+
+def _percent(rates: Sequence[Rate]) -> list[float]:
+    """Mean and interval of rates, at least one [%]."""
+    return [100 * end for end in mean(rates) or ()]
 
 
 def _middle(points: Sequence[Point]) -> Point:
@@ -135,6 +178,11 @@ def _middle(points: Sequence[Point]) -> Point:
 
 def _span(cell: Cell) -> tuple[float, float, float]:
     return (cell.rate.value, *cell.rate.interval())
+
+
+def _ends(what: str) -> tuple[str, str, str]:
+    """Names of the columns of an estimate and its interval."""
+    return what, f"{what}, low", f"{what}, high"
 
 
 def _number(value: table.Cell) -> str:
@@ -148,6 +196,10 @@ def _notes(matches: Sequence[Match]) -> tuple[str, ...]:
         "low, high: 95 % interval by Fisher's transformation, which takes the points for independent",
         "MMRV: mean over cells of the largest |R_i - R_j| among cells that the twin ranks otherwise (SIMPLER), 0 to 1;"
         " R in the other world",
+        "other world, low, high: 95 % Wilson interval, of several cells by MOVER",
+        "joined: success in the other world, estimated from its trials, the twin's from the same starts, and the twin's"
+        " from other starts (prediction-powered, weight of least variance)",
+        "saved: trials in the other world that an interval as narrow would take in addition without the twin",
         f"means: every task counts the same; {same} of {len(matches)} cells began at the same draws in both worlds",
         "the other world is simulated, too; only the paper's rows are about hardware",
     )

@@ -78,7 +78,7 @@ def test_a_task_has_one_card_with_its_film_and_its_rates(run: tuple[Run, FakeSto
     assert (facts["primitive"], facts["object"], facts["robot"]) == ("lift", "box", "three_joints")
     assert facts["worlds"] == "twin, reference"
     assert re.search(r"scripted operator\s+twin\s+18/20\s+70–97 %", words)
-    assert re.search(r"ACT\s+reference\s+3/4\s+30–95 %", words)
+    assert re.search(r"ACT\s+reference\s+3/4\s+30–95 %\s+progress 88 %", words)
     (data,) = re.findall(r'<video src="data:video/mp4;base64,([^"]*)"', card)
     with av.open(io.BytesIO(base64.b64decode(data))) as opened:
         frames = [frame.to_ndarray(format="rgb24") for frame in opened.decode(video=0)]

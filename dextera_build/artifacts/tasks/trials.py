@@ -52,6 +52,8 @@ class Trial(Value):
     """Reason for the failure; empty for a success."""
     steps: int
     """Control periods until it ended."""
+    stage: int
+    """The last of `Trials.stages` that was reached at any time, by the true state, from 1; 0: none."""
     sighting: Sighting | None = None
     """Accuracy of the tracker; None for exact poses."""
 
@@ -67,6 +69,8 @@ class Attempt(Artifact):
     """Poses of the bundle's objects at the start."""
     excluded: str = ""
     """Reason of the exclusion."""
+    stage: int = 0
+    """The last stage of its primitive that was reached before success, from 1; 0: none."""
     rehearsal: Episode | None = None
     """The rollout in the twin that is replayed."""
     sighting: Sighting | None = None
@@ -94,6 +98,10 @@ class Trials(Artifact):
     """Kind of world; none is real."""
     poses: Poses = "exact"
     """Source of the actor's object poses."""
+    stages: tuple[str, ...]
+    """Steps on the way to success, in order; the last one is success."""
+    stopped: bool = False
+    """Whether the results decided when the trials ended; then no interval for a fixed number of trials holds."""
     items: tuple[Trial, ...]
     """Valid attempts, in order."""
     placed: Annotated[np.ndarray, Array("N O 7", "float32", frame="base")]
@@ -107,6 +115,11 @@ class Trials(Artifact):
     def successes(self) -> int:
         """Number of attempts that succeeded."""
         return sum(trial.success for trial in self.items)
+
+    @property
+    def progress(self) -> np.ndarray:
+        """Fraction of the stages that each attempt reached (N,); 1 for a success."""
+        return np.array([trial.stage / len(self.stages) for trial in self.items], np.float64)
 
     @property
     def reasons(self) -> dict[str, int]:
@@ -129,3 +142,14 @@ class Operated(Artifact):
     """In the other world, with exact poses."""
     cell: Trials | None = None
     """In the other world, with poses from a tracker; None without a cell."""
+
+
+class Compared(Artifact):
+    """Trials of two policies on the same starts in one world, until it was decided which one is better."""
+
+    first: Trials
+    """Those of the first policy."""
+    second: Trials
+    """Those of the second policy."""
+    decided: int | None
+    """Number of starts after which the better one was known; None: it stayed open."""

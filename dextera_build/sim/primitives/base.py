@@ -145,6 +145,8 @@ class Primitive(ABC, Generic[G]):
     """Minimum number of hands."""
     against: ClassVar[tuple[str, ...]] = ("thumb", "palm")
     """Grips with which a trained policy begins, preferred first, see `Grip.against`."""
+    stages: ClassVar[tuple[str, ...]] = ()
+    """Steps on the way to success, in order, in a word or two; without any, an episode succeeds or has no progress."""
 
     def __init__(self, task: TaskSpec, objects: Mapping[str, TaskObject] | None = None) -> None:
         self.task = task
@@ -171,6 +173,10 @@ class Primitive(ABC, Generic[G]):
     @abstractmethod
     def missing(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
         """The condition not met at the time limit (N,) str: a few words without numbers, the same for all such ones."""
+
+    def reached(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
+        """Number of the last of `stages` that is reached now (N,) int, from 1; 0: none. See `furthest`."""
+        return np.zeros(len(now.time_s), int)
 
     @abstractmethod
     def value(self, reach_m: np.ndarray, start: TaskState, now: TaskState, success: np.ndarray) -> np.ndarray:
@@ -228,6 +234,14 @@ def faulted(fault: np.ndarray, found: Mapping[str, np.ndarray]) -> np.ndarray:
     for reason, where in found.items():
         fault = np.where(where & (fault == ""), reason, fault)
     return fault
+
+
+def furthest(*conditions: np.ndarray) -> np.ndarray:
+    """Number of the last condition (N,) bool that holds, from 1; 0 where none does; (N,) int."""
+    found = conditions[0].astype(int)
+    for number, held in enumerate(conditions[1:], 2):
+        found = np.where(held, number, found)
+    return found
 
 
 def lengths(vectors: np.ndarray) -> np.ndarray:

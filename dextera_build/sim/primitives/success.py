@@ -33,9 +33,17 @@ class Judge:
         task: The objective.
         start: States at the reset.
         objects: Body -> object of the task's model, for conditions on shapes.
+        staged: Whether `stage` is followed, which takes about as long as the verdict; if not, it is 0.
     """
 
-    def __init__(self, task: TaskSpec, start: TaskState, objects: Mapping[str, TaskObject] | None = None) -> None:
+    def __init__(
+        self,
+        task: TaskSpec,
+        start: TaskState,
+        objects: Mapping[str, TaskObject] | None = None,
+        *,
+        staged: bool = False,
+    ) -> None:
         self.task = task
         self.start = start
         self.primitive = catalogue.of(task, objects)
@@ -43,6 +51,9 @@ class Judge:
         self._now = start
         self.held_at_reset = self.primitive.holds(start, start, self._past)
         """Whether the condition held at the reset already (N,)."""
+        self.stage = np.zeros(len(start.time_s), int)
+        """The last of the primitive's stages that was reached so far, without a fault, from 1 (N,); 0: none."""
+        self._staged = staged and bool(self.primitive.stages)
         self._never = np.full(len(start.time_s), np.inf)
         self._since = self._never
 
@@ -56,6 +67,10 @@ class Judge:
     def update(self, now: TaskState) -> np.ndarray:
         """Process one control period (N,); True once the condition has held for `hold_s`."""
         self._past, self._now = self.primitive.follow(self._past, self.start, now), now
-        held = self.primitive.holds(self.start, now, self._past) & (self._past.fault == "") & ~self.held_at_reset
+        fine = self._past.fault == ""
+        if self._staged:
+            reached = self.primitive.reached(self.start, now, self._past)
+            self.stage = np.maximum(self.stage, np.where(fine, reached, 0))
+        held = self.primitive.holds(self.start, now, self._past) & fine & ~self.held_at_reset
         self._since = np.where(held, np.minimum(self._since, now.time_s), self._never)
         return np.asarray(now.time_s - self._since >= self.task.hold_s - 1e-9)

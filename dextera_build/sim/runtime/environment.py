@@ -94,6 +94,8 @@ class Environment:
         self.bundle = bundle
         self.specs = tuple(term.spec for term in terms)
         """Declarations of the terms that do not come with dxb."""
+        self.staged = False
+        """Whether `judge` of the next episodes follows the stages of the task; trials need them, training does not."""
         self._set_goal(bundle.task.goal)
         self.model = compile_folder(bundle.model) if model is None else model
         self.data, self._scratch = mujoco.MjData(self.model), mujoco.MjData(self.model)
@@ -160,7 +162,7 @@ class Environment:
         self._ranges = {name: self.model.jnt_range[[joint]] for name, joint, _, _ in self._inner}
         self.now = self.state()
         """The quantities that determine success, at the end of the last control period."""
-        self.judge = Judge(self._judged, self.now, shapes)
+        self.judge = Judge(self._judged, self.now, shapes, staged=self.staged)
         return self.observe()
 
     def step(self, action: np.ndarray) -> Outcome:

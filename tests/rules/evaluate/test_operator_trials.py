@@ -129,6 +129,11 @@ def test_the_stub_rehearses_nothing(runner):
     bundle = episodes.bundle()
     found = runner.run("evaluate.operator_trials", profile="stub", twin=bundle, world=bundle, options={"trials": 40})
     assert 28 <= found.twin.successes < 40
+    more = runner.run(
+        "evaluate.operator_trials", profile="stub", twin=bundle, world=bundle, options={"trials": 4, "twin_trials": 9}
+    )
+    assert (len(more.twin.items), len(more.world.items)) == (9, 4)
+    assert more.world.items == more.twin.items[:4] == found.twin.items[:4]
 
 
 def test_trials_that_were_done_are_not_made_again(tmp_path, monkeypatch):

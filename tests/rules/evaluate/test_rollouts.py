@@ -69,6 +69,18 @@ def test_one_that_stops_short_fails_with_its_reason(runner):
     assert runner.outcome.line == "0/3 (0-56 %) in the reference"
 
 
+@pytest.mark.parametrize(
+    ("goal", "stage", "progress"), [(gate.STOPS_SHORT, "moved", 0.25), (0.5, "halfway", 0.5), (0.8, "success", 1.0)]
+)
+def test_progress_is_the_last_stage_that_the_true_state_reached(runner, goal, stage, progress):
+    bundle = gate.bundle()
+    found = runner.run("evaluate.rollouts", bundle=bundle, checkpoint=saying(goal, bundle), options={"trials": 2})
+    assert found.stages == ("moved", "halfway", "at its command", "success")
+    assert [found.stages[trial.stage - 1] for trial in found.items] == [stage] * 2
+    assert found.progress.tolist() == [progress] * 2
+    assert runner.outcome.metrics["progress"] == (100 * progress, "%")
+
+
 def test_all_policies_face_the_same_starts_and_another_seed_gives_others(runner):
     bundle = gate.bundle()
 

@@ -8,6 +8,7 @@ import pytest
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.tasks.trials import Sighting, Trials
 from dextera_build.errors import RuleError
+from dextera_build.statistics import confidence_sequence, wilson
 from dextera_build.testing import RuleRunner
 from tests import series
 from tests.series import trials
@@ -141,7 +142,7 @@ def test_trials_with_a_tracker_have_rows_of_their_own(runner):
         ),
     ],
 )
-@pytest.mark.parametrize("rule", ["success", "success_rates", "paired", "transfer"])
+@pytest.mark.parametrize("rule", ["success", "success_rates", "paired", "transfer", "each_trial"])
 def test_what_cannot_stand_in_one_table_is_refused(runner, rule, parts, message):
     with pytest.raises(RuleError) as caught:
         runner.run(f"evaluate.{rule}", trials=together(*parts))
@@ -164,6 +165,8 @@ def test_outcomes_have_times_and_reasons(runner):
     assert row["low"] == pytest.approx(30.1, abs=0.1)
     assert row["mean time"] == pytest.approx((40 + 42 + 44) / 3 / 20)
     assert (row["failures"], row["left out"]) == ("1 x slipped", "2 x no start")
+    assert row["progress"] == pytest.approx(100 * 3.5 / 4)
+    assert row["progress, low"] < row["progress"] < row["progress, high"]
     assert runner.outcome.line == "1 sets of trials, 4 tries, 3 succeeded"
 
 
@@ -206,7 +209,7 @@ def test_pairs_are_matched_by_seed(runner):
     assert (row["first"], row["second"]) == ("ACT, twin", "PPO, twin")
     assert (row["starts"], row["placed alike"]) == (2, 2)
     assert (row["both"], row["only first"], row["only second"], row["neither"]) == (1, 1, 0, 0)
-    assert row["p"] == 1.0
+    assert (row["p"], row["e"], row["decided after"]) == (1.0, pytest.approx(1.0), None)
 
 
 def test_other_worlds_are_compared_with_the_same_actor_alone(runner):
@@ -224,7 +227,26 @@ def test_other_worlds_are_compared_with_the_same_actor_alone(runner):
     worlds = found["ACT, twin", "ACT, reference"]
     assert (worlds["only first"], worlds["placed alike"]) == (8, 0)
     assert worlds["p"] == pytest.approx(2 / 2**8)
-    assert runner.outcome.line == "2 comparisons on the same starts, 1 with p below 0.05"
+    assert (worlds["e"], worlds["decided after"]) == (pytest.approx(2**8 / 9), 8)
+    assert runner.outcome.line == "2 comparisons on the same starts, 1 decided"
+
+
+def test_trials_that_ended_with_their_decision_have_wider_intervals_and_no_p(runner):
+    both = together(trials([True] * 8, stopped=True), trials([False] * 8, "PPO", stopped=True))
+    (row,) = rows(runner.run("evaluate.paired", trials=both))
+    assert (row["p"], row["decided after"]) == (None, 8)
+    first = rows(runner.run("evaluate.success_rates", trials=both))[0]
+    assert first["low"] == pytest.approx(100 * confidence_sequence(8, 8)[0])
+    assert first["low"] < 100 * wilson(8, 8)[0]
+
+
+def test_every_trial_has_a_row_with_its_stage(runner):
+    found = rows(runner.run("evaluate.each_trial", trials=together(trials([True, False], seeds=[7, 9]))))
+    first, second = found
+    assert (first["seed"], first["success"], first["stage"], first["progress"]) == (7, True, "success", 100.0)
+    assert (second["stage"], second["progress"], second["reason"]) == ("halfway", 50.0, "slipped")
+    assert second["time"] == pytest.approx(42 / 20)
+    assert runner.outcome.line == "2 trials of 1 sets"
 
 
 def test_without_a_shared_start_nothing_can_be_compared(runner):

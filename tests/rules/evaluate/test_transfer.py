@@ -7,6 +7,7 @@ import pytest
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.tasks.trials import Trials
 from dextera_build.errors import RuleError
+from dextera_build.statistics import Rate
 from dextera_build.testing import RuleRunner
 from tests.series import trials
 
@@ -67,6 +68,36 @@ def test_kinds_of_worlds_have_rows_of_their_own(runner):
     assert found["cells, reference world"]["points"] == 2
     assert found["cells, perturbed world"]["points"] == 1
     assert found["cells: policy in a task"]["points"] == 3
+
+
+def test_a_twin_that_agrees_narrows_the_other_world_s_interval(runner):
+    """The first twenty starts were tried in both worlds, eighty more in the twin."""
+    verdicts = [number % 4 > 0 for number in range(100)]
+    both = {"twin": trials(verdicts), "other": trials(verdicts[:20], world="reference")}
+    table = runner.run("evaluate.transfer", trials=Collection[Trials](items=both), options={"paper": False})
+    found = rows(table)
+    row = found["ACT in KL: CloseLaptop, reference world"]
+    assert (row["trials"], row["other world"]) == (20, 75.0)
+    alone = Rate(15, 20).interval()
+    assert (row["other world, low"], row["other world, high"]) == pytest.approx([100 * end for end in alone])
+    assert row["joined"] == pytest.approx(75.0)
+    assert row["joined, high"] - row["joined, low"] < 0.8 * (row["other world, high"] - row["other world, low"])
+    assert 10 < row["saved"] < 80
+    assert found["cells: policy in a task"]["saved"] == row["saved"]
+    assert found["means of policies"]["saved"] is None
+
+
+@pytest.mark.parametrize(
+    ("twin", "other"),
+    [({}, {"seeds": range(100)}), ({"seeds": range(1, 101)}, {}), ({}, {"stopped": True}), ({"stopped": True}, {})],
+    ids=["no other start", "a start of its own", "stopped", "a twin that was stopped"],
+)
+def test_where_the_twin_cannot_be_joined_the_other_world_stands_alone(runner, twin, other):
+    count = len(other.get("seeds", range(20)))
+    both = {"a": trials((50, 100), **twin), "b": trials((count // 2, count), world="reference", **other)}
+    table = runner.run("evaluate.transfer", trials=Collection[Trials](items=both), options={"paper": False})
+    row = rows(table)["ACT in KL: CloseLaptop, reference world"]
+    assert (row["joined"], row["saved"], row["trials"]) == (None, None, count)
 
 
 def test_replays_and_policies_of_one_world_alone_are_left_out(runner):

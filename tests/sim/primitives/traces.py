@@ -103,9 +103,18 @@ class Trace:
 
     def verdict(self, task: TaskSpec, **objects: Any) -> tuple[bool, str]:
         """Whether the episode succeeds at any time, and what the judge says in the end."""
-        judge = Judge(task, self.states[0], {"box": box(), **objects})
+        done, judge = self._judged(task, **objects)
+        return done, str(judge.reasons[0])
+
+    def stage(self, task: TaskSpec, **objects: Any) -> str:
+        """The last stage that was reached at any time; empty: none."""
+        _, judge = self._judged(task, **objects)
+        return ("", *judge.primitive.stages)[judge.stage[0]]
+
+    def _judged(self, task: TaskSpec, **objects: Any) -> tuple[bool, Judge]:
+        judge = Judge(task, self.states[0], {"box": box(), **objects}, staged=True)
         done = [bool(judge.update(state)[0]) for state in self.states[1:]]
-        return any(done), str(judge.reasons[0])
+        return any(done), judge
 
 
 def about(axis: int, angle: float) -> np.ndarray:

@@ -101,6 +101,7 @@ class Primitive(base.Primitive[ArticulateGoal]):
     still = "on support"
     feels = False
     carries = False
+    stages = ("moved", "halfway", "at its command")
 
     def holds(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
         """Whether the joints are at their commands, and the object has not moved."""
@@ -113,6 +114,11 @@ class Primitive(base.Primitive[ArticulateGoal]):
         """The reason: the object moved, or a joint is not at its command."""
         return np.where(self._stands(start, now), "a joint is not at its command", "the object was moved")
 
+    def reached(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
+        """A tenth of the way, half of it, and the command, by the joint farthest from its own; the object stands."""
+        stands, left = self._stands(start, now), self._farthest(start, now)
+        return base.furthest(stands & (left <= 0.9), stands & (left <= 0.5), self.holds(start, now, past))
+
     def value(self, reach_m: np.ndarray, start: TaskState, now: TaskState, success: np.ndarray) -> np.ndarray:
         """See `value`."""
         return value(self.progress(reach_m, start, now, success))
@@ -120,8 +126,7 @@ class Primitive(base.Primitive[ArticulateGoal]):
     def progress(self, reach_m: np.ndarray, start: TaskState, now: TaskState, success: np.ndarray) -> Progress:
         """Progress, measured at the joint farthest from its command."""
         strayed = self._moved(start, now) / STRAY_M
-        left = functools.reduce(np.maximum, self._left(start, now).values())
-        return Progress(reach_m, left, strayed, success)
+        return Progress(reach_m, self._farthest(start, now), strayed, success)
 
     def drawn(self, across_m: np.ndarray, turn_rad: float) -> ArticulateGoal:
         """Other commands."""
@@ -138,6 +143,10 @@ class Primitive(base.Primitive[ArticulateGoal]):
             names, most = np.where(farther, name, names), np.maximum(left, most)
             way = np.where(farther, self.goal.joints[name] - now.joints[name], way)
         return names, way
+
+    def _farthest(self, start: TaskState, now: TaskState) -> np.ndarray:
+        """The largest of `_left` (N,)."""
+        return functools.reduce(np.maximum, self._left(start, now).values())
 
     def _left(self, start: TaskState, now: TaskState) -> dict[str, np.ndarray]:
         """Distances of joints from their commands (N,), as fractions of those at the start."""

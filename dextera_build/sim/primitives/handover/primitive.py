@@ -72,6 +72,7 @@ class Primitive(base.Primitive[HandoverGoal]):
 
     goal_type = HandoverGoal
     hands = 2
+    stages = ("touched", "given", "in both hands", "taken")
 
     def holds(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
         """Whether the receiver took the object and holds it alone."""
@@ -91,6 +92,10 @@ class Primitive(base.Primitive[HandoverGoal]):
         }
         stage = np.select(list(cases.values()), list(cases), np.where((before == TAKEN) & given, SHARED, before))
         return Past(now, stage, fault, past.mark)
+
+    def reached(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
+        """Touched by a hand, then the stages of `Past`."""
+        return base.furthest(now.touched(), *(past.stage == stage for stage in (GIVEN, SHARED, TAKEN)))
 
     def missing(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
         """The stage that was not reached."""

@@ -47,10 +47,16 @@ class Primitive(base.Primitive[LiftGoal]):
 
     goal_type = LiftGoal
     still = "in hand"
+    stages = ("touched", "grasped", "off its support", "raised")
 
     def holds(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
         """Whether the object is raised and held in the hands that the task names."""
         return np.asarray((base.rise(start, now) >= self.goal.height_m) & now.grasp(self.task.limbs).alone)
+
+    def reached(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
+        """Touched by a hand, between opposing fingers, held by hands alone, and that at the required height."""
+        grasp = now.grasp(self.task.limbs)
+        return base.furthest(now.touched(), grasp.held, grasp.alone, self.holds(start, now, past))
 
     def target(self) -> tuple[float, float, float]:
         """The target height; any horizontal position."""

@@ -91,6 +91,7 @@ class Primitive(base.Primitive[PlaceGoal]):
     """
 
     goal_type = PlaceGoal
+    stages = ("touched", "grasped", "carried", "at its target", "released")
 
     def holds(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
         """Whether the object rests at its target after it was carried, and no hand touches it."""
@@ -109,6 +110,13 @@ class Primitive(base.Primitive[PlaceGoal]):
         left = np.where((past.stage != WAITS) & near_release, kept, WAITS)
         mark = np.where(carried[:, None], now.place, past.mark)
         return Past(now, np.where(carried, CARRIED, left), fault, mark)
+
+    def reached(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
+        """Touched by a hand, between opposing fingers, held by hands alone, then at its target, then released there."""
+        carried = past.stage != WAITS
+        there = carried & self._there(start, now) if carried.any() else carried
+        grasped = now.grasp(self.task.limbs).held
+        return base.furthest(now.touched(), grasped, carried, there, there & self.holds(start, now, past))
 
     @property
     def near_m(self) -> float:

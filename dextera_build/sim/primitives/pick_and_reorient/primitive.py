@@ -38,6 +38,7 @@ class Primitive(base.Primitive[ReorientGoal]):
     """The object's pose is within tolerance of its target, and only a valid grasp holds it there."""
 
     goal_type = ReorientGoal
+    stages = ("touched", "grasped", "off its support", "at its target")
 
     def holds(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
         """Whether the object is at its target, in the hands that the task names."""
@@ -48,6 +49,11 @@ class Primitive(base.Primitive[ReorientGoal]):
         """Whether the object jumped."""
         fault = base.faulted(past.fault, {"the object jumped": base.jumped(past.before, now)})
         return Past(now, past.stage, fault, past.mark)
+
+    def reached(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
+        """Touched by a hand, between opposing fingers, held by hands alone, and that at its target."""
+        grasp = now.grasp(self.task.limbs)
+        return base.furthest(now.touched(), grasp.held, grasp.alone, self.holds(start, now, past))
 
     def target(self) -> tuple[float, float, float] | None:
         """The target position, if there is one."""

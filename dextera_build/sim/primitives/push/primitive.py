@@ -87,6 +87,7 @@ class Primitive(base.Primitive[PushGoal]):
 
     goal_type = PushGoal
     carries = False
+    stages = ("touched", "halfway", "at its target")
 
     def __init__(self, task: TaskSpec, objects: Mapping[str, TaskObject] | None = None) -> None:
         super().__init__(task, objects)
@@ -112,12 +113,16 @@ class Primitive(base.Primitive[PushGoal]):
         reason = np.where(there, "the object does not stand", "the object is not at its target")
         return np.where(past.stage == UNTOUCHED, "the object was not pushed", reason)
 
+    def reached(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
+        """Touched by a hand, then half of the way, then at its target, even if it does not stand there."""
+        touched = past.stage == TOUCHED
+        there = self.goal.tolerance.met(*self._errors(now))
+        return base.furthest(touched, touched & (self._left(start, now) <= 0.5), touched & there)
+
     def value(self, reach_m: np.ndarray, start: TaskState, now: TaskState, success: np.ndarray) -> np.ndarray:
         """Value of the stages: reach, move the object to its target; a lifted object has made no progress."""
         stands = base.rise(start, now) <= LIFTED_M
-        before, after = (poses.way_m(*self._errors(state)) for state in (start, now))
-        left = after / np.maximum(before, 1e-6)
-        left = np.where(stands, left, 1.0)
+        left = np.where(stands, self._left(start, now), 1.0)
         moved = 1.0 - clamp(left, 0.0, 2.0)
         reach = 1.0 - (1.0 - near(reach_m)) * np.fmin(1.0, left)
         return np.asarray(REACH * reach + MOVE * moved + DONE * success)
@@ -140,6 +145,11 @@ class Primitive(base.Primitive[PushGoal]):
     def target(self) -> tuple[float, float, float]:
         """The position on the support."""
         return *self.goal.place_m, float(self.objects[self.task.object].pose.matrix[2, 3])
+
+    def _left(self, start: TaskState, now: TaskState) -> np.ndarray:
+        """Distance from the target (N,), as a fraction of that at the start."""
+        before, after = (poses.way_m(*self._errors(state)) for state in (start, now))
+        return np.asarray(after / np.maximum(before, 1e-6))
 
     def _errors(self, state: TaskState) -> tuple[np.ndarray, np.ndarray]:
         return state.once("errors", self.goal, lambda each: self._away(each.world_from_object))
