@@ -113,9 +113,9 @@ class BcRnn(nn.Module):
         parts = [inputs[name].flatten(2) for name in self._inputs]
         seen = self.see(inputs) if seen is None else seen
         read, state = self.lstm(torch.cat(parts if seen is None else [*parts, seen], dim=-1), state)
-        means = self.means(read).unflatten(-1, self._shape)
-        stds = F.softplus(self.spreads(read)).unflatten(-1, self._shape) + self._least_std
-        return Modes(self.logits(read), means, stds), state
+        shape = (*read.shape[:2], *self._shape)
+        stds = F.softplus(self.spreads(read).view(shape)) + self._least_std
+        return Modes(self.logits(read), self.means(read).view(shape), stds), state
 
     def see(self, inputs: Mapping[str, Tensor]) -> Tensor | None:
         """(B, T, S) features of the images, or None for a policy without images."""
