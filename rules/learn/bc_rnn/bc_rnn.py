@@ -17,7 +17,7 @@ from dextera_build.rule import Context, rule
 from .bc_rnn_options import BcRnnOptions
 
 SETTINGS = ("horizon", "hidden", "layers", "modes", "least_std", "pick", "seed")
-# The density of narrow Gaussians amplifies rounding: curves of two processors differ by 0.09 in the middle of a training.
+# Densities of narrow Gaussians amplify rounding; in the middle of a training, curves of two processors differ by 0.09.
 WIDER = replace(TOLERANCE, fields={**TOLERANCE.fields, "curve": 1.0}, metrics={**TOLERANCE.metrics, "loss": 0.1})
 
 
