@@ -161,19 +161,16 @@ def answers(body: Any, change: str, step: int) -> list[bool]:
     return [bool(moved) for moved in ((first - second).abs().amax(dim=2) > 1e-6)[0]]
 
 
-def test_a_step_of_the_transformer_looks_only_back() -> None:
-    torch.manual_seed(0)
-    body = NETWORK.Transformer(3, 8, 16, 1, 2, history=2, observed=5, dropout=0.0).eval()
-    assert answers(body, "actions", 3) == [False] * 3 + [True] * 5
-    assert answers(body, "observed", 0) == [True] * 8
-    assert answers(body, "observed", 1) == [False] + [True] * 7, "the window begins at the oldest observed step"
-
-
-def test_every_step_of_the_unet_sees_all_that_was_observed() -> None:
+@BOTH
+def test_every_step_sees_all_that_was_observed_and_the_steps_around_it(network: str) -> None:
+    """A window whose steps see only earlier ones can begin with one way to do something and end with another."""
     torch.manual_seed(0)
     body = NETWORK.Unet(3, 8, 2, 10)
+    if network == "transformer":
+        body = NETWORK.Transformer(3, 8, 16, 1, 2, history=2, observed=5, dropout=0.0).eval()
     assert answers(body, "observed", 0) == answers(body, "observed", 1) == [True] * 8
     assert all(answers(body, "actions", 3)[1:6])
+    assert all(answers(body, "actions", 7)[5:])
 
 
 def sample(network: Any, count: int = 2) -> Batch:
