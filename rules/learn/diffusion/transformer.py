@@ -2,8 +2,8 @@
 
 Every step of the window is a token; the level of noise and each observed step are the memory. In the original a step
 attends only to steps that are not after it. Then the beginning of a window does not know what its end settles for: of
-two ways to do something, a fifth of the windows begins with one and ends with the other, even if the network errs in
-nothing (ten denoisings). So here all steps attend to all.
+two ways to do something, a fifth of the windows of eight steps begins with one and ends with the other, even if the
+network errs in nothing (ten denoisings). So here all steps attend to all.
 """
 
 from __future__ import annotations

@@ -62,12 +62,12 @@ def sides(count: int) -> Episodes:
 
 
 def first_turns(made: Checkpoint, tries: int = 40) -> np.ndarray:
-    """The last executed targets (tries,) of the first joint [rad] in predictions from the start of `sides`."""
+    """Executed targets (tries, steps) of the first joint [rad] in predictions from the start of `sides`."""
     joints = made.contract.inputs[0]
     start = ((np.array(episodes.HOME) - np.array(joints.mean)) / np.array(joints.scale)).astype(np.float32)
     inputs = {"joints": np.tile(start, (1, 2, 1, 1))}
     predict = runner("diffusion").predict(made, BUNDLE)
-    return np.array([predict(inputs, step)[-1, 0] for step in range(tries)])
+    return np.array([predict(inputs, step)[:, 0] for step in range(tries)])
 
 
 @pytest.mark.slow
@@ -79,9 +79,10 @@ def test_it_does_one_of_two_things_and_not_their_average(tmp_path: Path, network
     shown = np.array([one.action[0, 0] for one in data.items.values()])
     np.testing.assert_allclose(np.abs(shown), SIDE_RAD)
     assert abs(shown.mean()) < 1e-6, "the average is to go nowhere"
-    ends = first_turns(made)
-    assert np.mean(np.abs(np.abs(ends) - SIDE_RAD) < 0.2 * SIDE_RAD) > 0.9
-    assert 0.2 < np.mean(ends > 0) < 0.8
+    turns = first_turns(made)
+    assert np.mean(np.abs(np.abs(turns) - SIDE_RAD) < 0.2 * SIDE_RAD) > 0.9
+    assert 0.2 < np.mean(turns[:, 0] > 0) < 0.8
+    assert np.mean(np.ptp(np.sign(turns), axis=1) == 0) > 0.9, "a window stays with its way"
 
 
 @BOTH
