@@ -77,6 +77,7 @@ def first_turns(made: Checkpoint, tries: int = 40) -> np.ndarray:
         {"network": "unet", "steps": 800, "batch": 32, "rate": 2e-3},
         {"network": "transformer", "steps": 1000, "batch": 64},
     ],
+    ids=["unet", "transformer"],
 )
 def test_it_does_one_of_two_things_and_not_their_average(tmp_path: Path, options: dict[str, Any]) -> None:
     data = sides(32)
