@@ -29,7 +29,7 @@ def task() -> tuple[TaskBundle, Episodes]:
 def test_a_peer_sees_at_run_time_what_is_in_its_file(task: tuple[TaskBundle, Episodes], tmp_path: Path) -> None:
     bundle, episodes = task
     environment = Environment(bundle)
-    file = program.exported(RuleRunner(tmp_path / "store"), bundle, episodes, tmp_path)
+    file = program.exported(RuleRunner(tmp_path), bundle, episodes, tmp_path)
     with h5py.File(file) as opened:
         for number, (_, episode) in enumerate(episodes.in_order()):
             environment.begin(episode.start)
@@ -48,7 +48,7 @@ def test_robomimic_learns_from_the_file_and_answers_in_joint_targets(
     readers.run("robomimic", "-c", "")
     bundle, episodes = task
     environment = Environment(bundle)
-    file = program.exported(RuleRunner(tmp_path / "store"), bundle, episodes, tmp_path)
+    file = program.exported(RuleRunner(tmp_path), bundle, episodes, tmp_path)
     setting = program.DEFAULTS | {"steps": 400, "hidden": 32, "file": str(file)}
     episode = episodes.in_order()[0][1]
     with Peer("robomimic", setting, of_bundle(bundle), tmp_path) as peer:
