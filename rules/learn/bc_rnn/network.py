@@ -42,13 +42,9 @@ class Sizes:
     located: int = 0
     """Numbers in the pose and joints of the task's object, an auxiliary target of image policies."""
 
-    def settings(self) -> dict[str, float | int | str | bool]:
-        """The settings stored in `PolicyContract.settings`."""
-        return dict(asdict(self))
-
     @classmethod
     def of(cls, settings: Mapping[str, float | int | str | bool]) -> Sizes:
-        """The sizes from `settings()`; other settings are ignored."""
+        """The sizes among the settings of a contract; other settings are ignored."""
         known = asdict(cls())
         return cls(**{name: type(known[name])(settings[name]) for name in known if name in settings})
 
