@@ -75,7 +75,7 @@ def first_turns(made: Checkpoint, tries: int = 40) -> np.ndarray:
     "options",
     [
         {"network": "unet", "steps": 800, "batch": 32, "rate": 2e-3},
-        {"network": "transformer", "steps": 1000, "batch": 64},
+        {"network": "transformer", "steps": 1500, "batch": 64, "rate": 2e-3, "layers": 2},
     ],
     ids=["unet", "transformer"],
 )
