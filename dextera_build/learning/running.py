@@ -31,7 +31,7 @@ def tensors(inputs: Fields) -> dict[str, Tensor]:
     made = {name: torch.from_numpy(np.ascontiguousarray(field)) for name, field in inputs.items()}
     if "rgb" in made:
         frames = made["rgb"]
-        made["rgb"] = pixels(frames.flatten(0, -4)).unflatten(0, frames.shape[:-3])
+        made["rgb"] = pixels(frames.flatten(0, -4)).view(*frames.shape[:-3], 3, *frames.shape[-3:-1])
     return made
 
 

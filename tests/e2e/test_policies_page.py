@@ -73,9 +73,8 @@ def test_the_commands_of_the_page_run_and_only_what_was_added_runs(space: Space)
     before = space.build("task/close_laptop", "--profile", "stub")
     assert before.code == 0, before.err[-3000:]
     add_nearest(space)
-    commands = [
-        line[2:] for block in blocks("policies", "console") for line in block.splitlines() if line.startswith("$ ")
-    ]
+    # The commands further down train the algorithms of dxb for hours.
+    commands = [line[2:] for line in blocks("policies", "console")[0].splitlines() if line.startswith("$ ")]
     assert any(command.startswith("dxb build") for command in commands)
     for command in commands:
         words = shlex.split(command)[1:]

@@ -64,11 +64,12 @@ import sys
 from pathlib import Path
 from dextera_build.store.store import Store
 from dextera_build.testing import RuleRunner
-from tests.rules.learn.test_act import BUNDLE, SMALL, episodes
+from tests import episodes
+from tests.rules.learn.test_act import ACT, BUNDLE
 
 folder = Path(sys.argv[1])
 runner = RuleRunner(folder / sys.argv[2])
-made = runner.run("learn.act", backend="torch", bundle=BUNDLE, episodes=episodes.small(4, 30), options=SMALL)
+made = runner.run("learn.act", backend="torch", bundle=BUNDLE, episodes=episodes.small(4, 30), options=ACT.small)
 told = {name: value for name, (value, _) in runner.outcome.metrics.items()}
 print(json.dumps([made.encode(Store(folder / "store").writer), told]))
 """

@@ -8,7 +8,7 @@ warm-up of thousands of steps, and a small convolutional network encodes images 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import torch
 import torch.nn.functional as F
@@ -41,13 +41,9 @@ class Sizes:
     located: int = 0
     """Numbers in the pose and joints of the task's object, an auxiliary target of image policies."""
 
-    def settings(self) -> dict[str, float | int | str | bool]:
-        """The settings stored in `PolicyContract.settings`."""
-        return dict(asdict(self))
-
     @classmethod
     def of(cls, settings: Mapping[str, float | int | str | bool]) -> Sizes:
-        """The sizes from `settings()`; other settings are ignored."""
+        """The sizes among the settings of a contract; other settings are ignored."""
         return cls(**{name: int(settings[name]) for name in cls.__dataclass_fields__ if name in settings})
 
 

@@ -47,5 +47,5 @@ class Learner:
 
     def predicted(self, network_: network.BcRnn, batch: Batch) -> Tensor:
         """The likeliest actions (B, T, A) of windows that begin without memory."""
-        modes, _ = network_(batch.inputs)
+        modes: network.Modes = network_(batch.inputs)[0]
         return modes.likeliest()

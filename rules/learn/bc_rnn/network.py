@@ -42,13 +42,9 @@ class Sizes:
     located: int = 0
     """Numbers in the pose and joints of the task's object, an auxiliary target of image policies."""
 
-    def settings(self) -> dict[str, float | int | str | bool]:
-        """The settings stored in `PolicyContract.settings`."""
-        return dict(asdict(self))
-
     @classmethod
     def of(cls, settings: Mapping[str, float | int | str | bool]) -> Sizes:
-        """The sizes from `settings()`; other settings are ignored."""
+        """The sizes among the settings of a contract; other settings are ignored."""
         known = asdict(cls())
         return cls(**{name: type(known[name])(settings[name]) for name in known if name in settings})
 
@@ -113,9 +109,9 @@ class BcRnn(nn.Module):
         parts = [inputs[name].flatten(2) for name in self._inputs]
         seen = self.see(inputs) if seen is None else seen
         read, state = self.lstm(torch.cat(parts if seen is None else [*parts, seen], dim=-1), state)
-        means = self.means(read).unflatten(-1, self._shape)
-        stds = F.softplus(self.spreads(read)).unflatten(-1, self._shape) + self._least_std
-        return Modes(self.logits(read), means, stds), state
+        shape = (*read.shape[:2], *self._shape)
+        stds = F.softplus(self.spreads(read).view(shape)) + self._least_std
+        return Modes(self.logits(read), self.means(read).view(shape), stds), state
 
     def see(self, inputs: Mapping[str, Tensor]) -> Tensor | None:
         """(B, T, S) features of the images, or None for a policy without images."""

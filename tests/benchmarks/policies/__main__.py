@@ -98,7 +98,7 @@ def exported(runner: RuleRunner, bundle: TaskBundle, episodes: Episodes, folder:
 
 def compare(bundle: TaskBundle, episodes: Episodes, options: dict[str, Any], trials: int, folder: Path) -> list[str]:
     """The rows of the table."""
-    runner, environment = RuleRunner(folder / "store"), Environment(bundle)
+    runner, environment = RuleRunner(folder), Environment(bundle)
     checkpoint, seconds = own(runner, bundle, episodes, options)
     count = sum(each.numel() for each in weights.from_bytes(checkpoint.weights).values())
     rows = [row("dxb `learn.bc_rnn`", count, seconds, load(checkpoint, bundle), environment, trials)]

@@ -24,7 +24,7 @@ class Peer:
         name: Environment below `.venv/readers`, and start of the name of its program here.
         setting: What the program is told, as a file in `folder`.
         layout: The world's layout.
-        folder: For the setting.
+        folder: For the setting, and for what the program prints.
     """
 
     def __init__(self, name: str, setting: dict[str, Any], layout: Layout, folder: Path) -> None:
@@ -32,13 +32,16 @@ class Peer:
         file.write_text(json.dumps(setting))
         self._layout = layout
         kept = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
-        self._process = subprocess.Popen(
-            [ENVIRONMENTS / name / "bin" / "python", HERE / f"{name}_peer.py", file],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=kept,
-            text=True,
-        )
+        self._log = folder / f"{name}.log"
+        with self._log.open("w") as log:
+            self._process = subprocess.Popen(
+                [ENVIRONMENTS / name / "bin" / "python", HERE / f"{name}_peer.py", file],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=log,
+                env=kept,
+                text=True,
+            )
         self.facts: dict[str, Any] = self._answer()
         """What it said about its training."""
 
@@ -66,7 +69,7 @@ class Peer:
         assert self._process.stdout is not None
         line = self._process.stdout.readline()
         if not line:
-            raise RuntimeError(f"the peer ended with status {self._process.wait()}; its messages are above")
+            raise RuntimeError(f"the peer ended with {self._process.wait()}:\n{self._log.read_text()[-3000:]}")
         return json.loads(line)
 
 

@@ -1,0 +1,60 @@
+"""Imitation learning in MuJoCo: demonstrations, a training and trials of a task of one joint, none of them replaced."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dextera_build.artifacts.tasks.episode import Episodes
+from dextera_build.policy.layout import gathered
+from dextera_build.policy.observation import DeployableObservation
+from dextera_build.sim.runtime.environment import Environment
+from dextera_build.sim.runtime.rollout import closed_loop
+from dextera_build.testing import RuleRunner
+from tests import gate
+
+AHEAD_RAD = 0.08
+"""How far the demonstrator's targets lead the joint, which makes its speed."""
+BUNDLE = gate.bundle()
+
+
+class Demonstrator:
+    """Turns the arm, and with it the flap, at an even speed until the flap is where it shall be."""
+
+    def reset(self) -> None:
+        """Nothing is remembered."""
+
+    def act(self, observation: DeployableObservation) -> np.ndarray:
+        """The joint target [rad]."""
+        return np.minimum(observation["joints"] + AHEAD_RAD, gate.target(gate.PUSHES))
+
+
+@pytest.fixture(scope="module")
+def shown() -> Episodes:
+    environment = Environment(BUNDLE)
+    made = [closed_loop(environment, Demonstrator(), environment.draw(seed)) for seed in range(1000, 1008)]
+    assert all(episode.success for episode in made)
+    assert np.mean([np.ptp(episode.action) for episode in made]) > 5 * AHEAD_RAD, "they move"
+    return gathered(BUNDLE, {str(number): episode for number, episode in enumerate(made)}, {}, len(made))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("rule", "options"),
+    [
+        ("learn.act", {"width": 32, "heads": 2, "chunk": 10}),
+        ("learn.act", {"width": 32, "heads": 2, "chunk": 10, "every": 10}),
+        ("learn.diffusion", {"network": "transformer", "width": 32, "layers": 1, "heads": 2}),
+        ("learn.diffusion", {"width": 16, "levels": 2, "horizon": 8, "every": 4}),
+    ],
+)
+def test_a_policy_does_what_was_shown(tmp_path: Path, shown: Episodes, rule: str, options: dict[str, Any]) -> None:
+    runner = RuleRunner(tmp_path, made_by={"checkpoint": rule})
+    more = {"steps": 400, "batch": 32, "warm_up": 50, "held_out": 0.0}
+    made = runner.run(rule, backend="torch", bundle=BUNDLE, episodes=shown, options=more | options)
+    found = runner.run("evaluate.rollouts", bundle=BUNDLE, checkpoint=made, options={"trials": 10})
+    assert found.algorithm == made.contract.algorithm
+    assert found.successes >= 8, found.reasons
