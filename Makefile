@@ -15,7 +15,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Tests start hundreds of processes; each would compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
 # Environments of loaders that slow tests open data sets with; .ci/readers lists what is in each.
-READERS := lerobot-0.3 lerobot-0.4 robomimic rlds
+READERS := lerobot-0.3 lerobot-0.4 robomimic rlds openpi
 # More arguments for pytest: make test ARGS='-k recipe -x'
 ARGS ?=
 
@@ -175,6 +175,6 @@ $(VENV)/.peers: .ci/peers.txt $(VENV)/.created
 	@touch $@
 
 $(VENV)/.installed: pyproject.toml $(VENV)/.locked
-	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable '.[twin,learn,recordings,share,cloud,models,view,teleop,warp]'
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable '.[twin,learn,recordings,share,cloud,models,view,teleop,serve,warp]'
 	$(BIN)/python -m pip check
 	@touch $@

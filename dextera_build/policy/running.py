@@ -103,8 +103,18 @@ class Policy:
         self._step += 1
         return np.asarray(np.clip(targets, self._limits[:, 0], self._limits[:, 1]))
 
+    def chunk(self, observation: DeployableObservation) -> np.ndarray:
+        """Joint targets (C, A) float64 [rad], not limited, for a program that carries them out in place of `act`.
+
+        Raises:
+            PolicyFault: The observation or the network's answer is not finite, or the picture has another size.
+        """
+        made = self._finite(self._predict(self._inputs(observation)))
+        self._step += 1
+        return made
+
     def _inputs(self, observation: DeployableObservation) -> Fields:
-        fields = observed(observation) | {WORLD: self._world}
+        fields = {WORLD: self._world} | observed(observation)
         inputs = self._reader.read(fields)
         bad = [name for name, samples in inputs.items() if not np.isfinite(samples).all()]
         if bad:
