@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import weakref
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from dextera_build.artifacts.tasks.policy import Checkpoint, PolicyContract
 from dextera_build.artifacts.tasks.task import TaskBundle
-from dextera_build.errors import RuleError
+from dextera_build.errors import RuleError, listing
 from dextera_build.policy.features import Fields
 from dextera_build.policy.running import Predict
 from dextera_build.policy.wire import link
@@ -70,7 +71,7 @@ class Served:
         if self._set["reset"] and (step == 0 or self._begins):
             request[self._set["reset"]] = True
         try:
-            chunk = self._chunk(self._link.ask(request, self._limit_s).get("actions"))
+            chunk = self._chunk(self._link.ask(request, self._limit_s))
         except link.PolicyFault:
             self._close()
             raise
@@ -88,10 +89,11 @@ class Served:
             request["unnorm_key"] = self._set["unnorm_key"]
         return request
 
-    def _chunk(self, actions: object) -> np.ndarray:
+    def _chunk(self, answer: Mapping[str, Any]) -> np.ndarray:
         address, horizon, joints = self._set["address"], self._set["horizon"], self._contract.action.shape[0]
+        actions = answer.get("actions")
         if actions is None:
-            raise link.unusable(address, "has no `actions`")
+            raise link.unusable(address, "has no `actions`", keys=listing(map(str, answer)) or "none")
         try:
             chunk = np.atleast_2d(np.asarray(actions))
         except ValueError:  # rows of different lengths
