@@ -13,7 +13,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from dextera_build.errors import DxbError, MachineError, RuleError, UsageError, install_extra
-from dextera_build.policy.wire.codec import Malformed, pack, unpack
+from dextera_build.policy.wire.codec import MessageError, pack, unpack
 from dextera_build.policy.wire.link import LARGEST
 from dextera_build.redact import redact
 from dextera_build.serving.served import Episode, Served
@@ -134,7 +134,7 @@ def _answer(episode: Episode, data: bytes | str, before_ms: float | None) -> byt
         answer = episode.answer(unpack(data))
         timing = {"infer_ms": (time.perf_counter() - began) * 1000}
         return pack(answer | {"server_timing": timing | ({} if before_ms is None else {"prev_total_ms": before_ms})})
-    except Malformed as error:
+    except MessageError as error:
         return f"a request is a map in msgpack, this is none: {error}"
     except DxbError as error:
         return str(error)

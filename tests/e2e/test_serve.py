@@ -61,7 +61,7 @@ def test_a_policy_is_served_and_evaluated_over_the_network(space: Space) -> None
         assert asked.code == 0, asked.err[-3000:]
     finally:
         server.send_signal(signal.SIGINT)
-        out, err = server.communicate(timeout=60)
+        _, err = server.communicate(timeout=60)
     assert server.returncode == 0, err
     assert "Traceback" not in err
     here = got(space, "task/try:act_twin")

@@ -25,7 +25,7 @@ HOST = "127.0.0.1"
 
 @contextlib.contextmanager
 def running(served: Served, key: str = "") -> Iterator[str]:
-    """dxb's server of a policy; gives its address."""
+    """The server of dxb for a policy; gives its address."""
     told: list[Any] = []
     listens = threading.Event()
 
@@ -74,7 +74,9 @@ def scripted(converse: Callable[[ServerConnection], None]) -> Iterator[str]:
             thread.join(10)
 
 
-def foreign(answer: Callable[[bytes], bytes | str | None], greeting: object = None) -> Callable[[ServerConnection], None]:
+def foreign(
+    answer: Callable[[bytes], bytes | str | None], greeting: object = None
+) -> Callable[[ServerConnection], None]:
     """A conversation in openpi's protocol; an answer of None ends it without one."""
 
     def converse(connection: ServerConnection) -> None:

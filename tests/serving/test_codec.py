@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from dextera_build.policy.wire.codec import Malformed, pack, unpack
+from dextera_build.policy.wire.codec import MessageError, pack, unpack
 
 DTYPES = st.one_of(
     arrays.boolean_dtypes(),
@@ -75,11 +76,19 @@ def test_an_array_that_is_not_contiguous_is_sent_as_it_looks() -> None:
 
 @pytest.mark.parametrize(
     "value",
-    [np.array([object()]), np.array([1j]), np.complex64(1), np.zeros(2, "V4"), np.zeros(1, "i4,f4"), object(), {1, 2.5j}],
+    [
+        np.array([object()]),
+        np.array([1j]),
+        np.complex64(1),
+        np.zeros(2, "V4"),
+        np.zeros(1, "i4,f4"),
+        object(),
+        {1, 2.5j},
+    ],
     ids=repr,
 )
 def test_what_no_message_holds_is_refused(value: object) -> None:
-    with pytest.raises(Malformed):
+    with pytest.raises(MessageError):
         pack({"value": value})
 
 
@@ -106,14 +115,12 @@ def stated(**parts: Any) -> bytes:
     ],
 )
 def test_what_is_no_message_is_refused(data: bytes) -> None:
-    with pytest.raises(Malformed):
+    with pytest.raises(MessageError):
         unpack(data)
 
 
 @settings(max_examples=150, deadline=None)
 @given(st.binary(max_size=64))
 def test_no_bytes_do_more_than_be_refused(data: bytes) -> None:
-    try:
+    with contextlib.suppress(MessageError):
         unpack(data)
-    except Malformed:
-        pass

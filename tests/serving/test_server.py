@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from pathlib import Path
 from typing import Any
@@ -35,7 +36,9 @@ def trained() -> Checkpoint:
     scaled = [
         channel.model_copy(update={"mean": (0.1,) * size, "scale": (0.7,) * size})
         for channel in contract.inputs
-        for size in [int(np.prod(channel.shape)) // 7 * 9 if channel.encoding == "pose" else int(np.prod(channel.shape))]
+        for size in [
+            int(np.prod(channel.shape)) // 7 * 9 if channel.encoding == "pose" else int(np.prod(channel.shape))
+        ]
     ]
     return policies.checkpoint(contract.model_copy(update={"inputs": tuple(scaled)}))
 
@@ -155,8 +158,9 @@ def test_pages_of_a_browser_are_refused(trained: Checkpoint) -> None:
 def test_a_huge_message_ends_its_connection_alone(trained: Checkpoint) -> None:
     with servers.running(servers.served(trained, BUNDLE)) as address:
         (large, _), (other, said) = greeted(address), greeted(address)
-        with pytest.raises(ConnectionClosed):
+        with contextlib.suppress(ConnectionClosed):  # the server may end it before it has all
             large.send(b"\0" * (LARGEST + 1))
+        with pytest.raises(ConnectionClosed, match=r"1009|reset|no close frame"):
             large.recv(timeout=5)
         other.send(pack(zeros(said)))
         assert "actions" in unpack(other.recv(timeout=5))

@@ -112,14 +112,16 @@ def _served(session: Session, node: str) -> Served:
     found = session.artifact(node)
     if not isinstance(found, Checkpoint):
         hint = f"`dxb ls {session.recipe}` lists nodes; a policy is a Checkpoint"
-        raise UsageError(f"`{args_of(session, node)}` is a {found.name()}, not a policy", code="DXB-U340", hint=hint)
+        raise UsageError(f"`{named(session, node)}` is a {found.name()}, not a policy", code="DXB-U340", hint=hint)
     if told := stubs.told(session, node):
         notices[told] = None
     bundle = _bundle(session, node, found)
-    return Served(_runner(session, node, found), found, session.output(node), bundle, tuple(_terms(session, node, found)))
+    return Served(
+        _runner(session, node, found), found, session.output(node), bundle, tuple(_terms(session, node, found))
+    )
 
 
-def args_of(session: Session, node: str) -> str:
+def named(session: Session, node: str) -> str:
     """The node as it is typed."""
     return f"{session.recipe}:{node}"
 
@@ -141,7 +143,7 @@ def _bundle(session: Session, node: str, checkpoint: Checkpoint) -> TaskBundle:
     raise RuleError(
         f"the task that `{node}` was trained for is not in the store",
         code="DXB-B404",
-        hint=f"`dxb build --whole '{args_of(session, node)}'`",
+        hint=f"`dxb build --whole '{named(session, node)}'`",
     )
 
 
@@ -179,5 +181,5 @@ def _lines(served: Served) -> Iterator[str]:
     promise = served.promise
     inputs = ", ".join(f"{each.name} {tuple(each.shape)}" for each in promise.inputs)
     yield f"{promise.algorithm} for {promise.task}, {promise.rate_hz:g} Hz; takes {inputs}"
-    yield f"gives {promise.horizon} steps of {len(promise.joints)} joint targets; {promise.every} before the next request"
+    yield f"gives {promise.horizon} steps of {len(promise.joints)} joint targets, {promise.every} of them to carry out"
     yield "press Ctrl-C to stop"

@@ -18,7 +18,7 @@ _LONGEST = 16
 """Longest name of a type [characters]."""
 
 
-class Malformed(ValueError):
+class MessageError(ValueError):
     """Bytes that are no message, or a value that a message cannot hold."""
 
 
@@ -26,28 +26,28 @@ def pack(message: object) -> bytes:
     """The bytes of a message: plain data, arrays and scalars.
 
     Raises:
-        Malformed: It holds something else, such as an array of objects.
+        MessageError: It holds something else, such as an array of objects.
     """
     import msgspec
 
     try:
         return msgspec.msgpack.encode(message, enc_hook=_as_map)
     except (TypeError, ValueError, OverflowError, RecursionError) as error:
-        raise Malformed(str(error)) from None
+        raise MessageError(str(error)) from None
 
 
 def unpack(data: bytes) -> Any:
     """The message in `data`; its arrays are read-only views of `data`.
 
     Raises:
-        Malformed: It is no message.
+        MessageError: It is no message.
     """
     import msgspec
 
     try:
         return _restored(msgspec.msgpack.decode(data))
     except (msgspec.DecodeError, ValueError, OverflowError, RecursionError) as error:  # text that is no UTF-8 as well
-        raise Malformed(str(error)) from None
+        raise MessageError(str(error)) from None
 
 
 def _as_map(value: Any) -> dict[bytes, Any]:
@@ -72,31 +72,31 @@ def _restored(value: Any) -> Any:
         return [_restored(inner) for inner in value]
     if value is None or isinstance(value, bool | int | float | str | bytes):
         return value
-    raise Malformed(f"it holds a {type(value).__name__}")
+    raise MessageError(f"it holds a {type(value).__name__}")
 
 
 def _array(parts: dict[Any, Any]) -> np.ndarray:
     dtype, data, shape = _dtype(parts), parts.get(b"data"), parts.get(b"shape")
     if not isinstance(data, bytes) or not isinstance(shape, list):
-        raise Malformed("an array lacks its data or its shape")
+        raise MessageError("an array lacks its data or its shape")
     if not all(isinstance(size, int) and size >= 0 for size in shape):
-        raise Malformed(f"no array has the shape {shape}")
+        raise MessageError(f"no array has the shape {shape}")
     if math.prod(shape) * dtype.itemsize != len(data):
-        raise Malformed(f"an array {tuple(shape)} of {dtype} does not have {len(data)} bytes")
+        raise MessageError(f"an array {tuple(shape)} of {dtype} does not have {len(data)} bytes")
     try:
         return np.ndarray(shape, dtype, data)
     except ValueError as error:  # too many axes
-        raise Malformed(str(error)) from None
+        raise MessageError(str(error)) from None
 
 
 def _scalar(parts: dict[Any, Any]) -> Any:
     dtype, value = _dtype(parts), parts.get(b"data")
     if not isinstance(value, bool | int | float | str | bytes):
-        raise Malformed("a scalar lacks its value")
+        raise MessageError("a scalar lacks its value")
     try:
         return np.array(value, dtype)[()]
     except (TypeError, ValueError, OverflowError) as error:
-        raise Malformed(f"a scalar of {dtype}: {error}") from None
+        raise MessageError(f"a scalar of {dtype}: {error}") from None
 
 
 def _dtype(parts: dict[Any, Any]) -> np.dtype[Any]:
@@ -106,5 +106,5 @@ def _dtype(parts: dict[Any, Any]) -> np.dtype[Any]:
     except (TypeError, ValueError, SyntaxError):
         dtype = None
     if dtype is None or dtype.kind not in KINDS or not dtype.itemsize:
-        raise Malformed(f"an array of type {str(name)[:_LONGEST]!r} is not accepted")
+        raise MessageError(f"an array of type {str(name)[:_LONGEST]!r} is not accepted")
     return dtype

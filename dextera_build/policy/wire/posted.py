@@ -74,7 +74,9 @@ class Posted:
         except (self._httpx.HTTPError, self._httpx.StreamError, OSError) as error:
             raise link.lost(self._address, error) from None
         if response.status_code != 200:
-            raise link.failed(self._address, f"HTTP status {response.status_code}: {data[:500].decode(errors='replace')}")
+            raise link.failed(
+                self._address, f"HTTP status {response.status_code}: {data[:500].decode(errors='replace')}"
+            )
         return {"actions": self._actions(data)}
 
     def _actions(self, data: bytes) -> object:
@@ -114,7 +116,7 @@ def _as_json(value: Any) -> dict[str, Any]:
 
 
 def _httpx() -> Any:
-    """httpx.
+    """The module httpx.
 
     Raises:
         MachineError: It is not installed.

@@ -13,7 +13,7 @@ from typing import Any
 
 from dextera_build.errors import MachineError, install_extra
 from dextera_build.policy.wire import link
-from dextera_build.policy.wire.codec import Malformed, pack, unpack
+from dextera_build.policy.wire.codec import MessageError, pack, unpack
 from dextera_build.redact import hide
 
 TOO_LARGE = 1009
@@ -103,7 +103,7 @@ class WebSocket:
 def _map(address: str, answer: bytes) -> Mapping[str, Any]:
     try:
         found = unpack(answer)
-    except Malformed as error:
+    except MessageError as error:
         raise link.unusable(address, "is no message", reason=error) from None
     if not isinstance(found, dict):
         raise link.unusable(address, "is no map", type=type(found).__name__)

@@ -80,7 +80,9 @@ class Served:
 
     def _request(self, inputs: Fields) -> dict[str, Any]:
         request: dict[str, Any] = {
-            self._keys.get(channel.name, channel.name): np.ascontiguousarray(inputs[channel.name]).reshape(channel.shape)
+            self._keys.get(channel.name, channel.name): np.ascontiguousarray(inputs[channel.name]).reshape(
+                channel.shape
+            )
             for channel in self._contract.inputs
         }
         if self._set["instruction"]:

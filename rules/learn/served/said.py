@@ -8,7 +8,7 @@ from typing import NamedTuple
 from dextera_build import digest
 from dextera_build.errors import MachineError
 from dextera_build.policy.wire import link, promise
-from dextera_build.policy.wire.codec import Malformed, unpack
+from dextera_build.policy.wire.codec import MessageError, unpack
 from dextera_build.policy.wire.opening import opened
 
 
@@ -46,7 +46,7 @@ def connected(address: str, key_in: str) -> tuple[link.Link, Said]:
         return found, NOTHING
     try:
         said = promise.read(unpack(found.greeting))
-    except Malformed as error:
+    except MessageError as error:
         found.close()
         raise link.unreachable(address, f"its metadata are no message: {error}") from None
     return found, Said(digest.of_bytes(found.greeting), said)

@@ -109,7 +109,9 @@ def _settings(
     promise = said.promise
     horizon = promise.horizon if promise else options.horizon or 1
     if options.horizon not in (0, horizon):
-        ctx.fail(f"the answers of this server have {horizon} steps", horizon=options.horizon, hint="leave out `horizon`")
+        ctx.fail(
+            f"the answers of this server have {horizon} steps", horizon=options.horizon, hint="leave out `horizon`"
+        )
     every = options.every or (promise.every if promise else horizon)
     if every > horizon:
         ctx.fail(f"an answer has {horizon} steps, fewer than are to be carried out", every=every)

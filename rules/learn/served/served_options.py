@@ -16,7 +16,7 @@ class ServedOptions(Options):
     """Where the policy is asked: `ws://` or `wss://` of `dxb serve` and openpi, `http://HOST:PORT/act` of OpenVLA."""
     inputs: tuple[str, ...] = ()
     """Channels that are sent; empty: those that a policy of `dxb serve` states, `rgb` for `http://`."""
-    keys: dict[str, str] = {}
+    keys: dict[str, str] = Field(default_factory=dict)
     """Channel -> its key in a request, `{rgb: observation/image}`; others have their own name, `rgb` is `image` for
     `http://`."""
     instruction: str = ""

@@ -88,7 +88,7 @@ FAULTS: dict[str, tuple[Callable[[bytes], bytes | str | None], str, str]] = {
     "no message": (lambda data: b"\xc1", "DXB-B543", "is no message"),
     "not finite": (actions(np.full((1, 3), np.nan)), "DXB-B511", "the policy gave NaN at step 0"),
     "an error": (
-        lambda data: 'Traceback (most recent call last):\n  File "a.py", line 1\nKeyError: \'observation/image\'\n',
+        lambda data: "Traceback (most recent call last):\n  File \"a.py\", line 1\nKeyError: 'observation/image'\n",
         "DXB-B542",
         "answered with an error: KeyError: 'observation/image'",
     ),
@@ -133,8 +133,7 @@ def test_a_server_that_does_not_read_is_left_after_its_limit(tmp_path: Path) -> 
     with servers.scripted(deaf) as address:
         opened = policies.runner("served").connected(address, "")[0]
         with pytest.raises(PolicyFault) as caught:
-            for _ in range(40):
-                opened.ask({"rgb": np.zeros(2**24, np.uint8)}, 0.05)
+            opened.ask({"rgb": np.zeros(2**25, np.uint8)}, 0.1)
         assert caught.value.code in ("DXB-B540", "DXB-B541")
 
 
@@ -191,7 +190,9 @@ def test_a_server_that_says_nothing_is_one_clear_error(
     assert any(part in caught.value.facts["reason"] for part in reason.split("|"))
 
 
-@pytest.mark.parametrize("address", ["ws://127.0.0.1:9", "ws://nowhere.invalid:8000", "ws://:0", "http://127.0.0.1:9/act"])
+@pytest.mark.parametrize(
+    "address", ["ws://127.0.0.1:9", "ws://nowhere.invalid:8000", "ws://:0", "http://127.0.0.1:9/act"]
+)
 def test_an_address_where_nothing_listens_is_one_clear_error(address: str, tmp_path: Path) -> None:
     with pytest.raises(MachineError, match="no policy can be asked at") as caught:
         checkpoint(tmp_path, address)
