@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import hmac
 import http
+import logging
 import time
 import traceback
 from collections.abc import Callable
@@ -23,8 +24,12 @@ MOST = 16
 """Connections at a time; each has the network in memory."""
 ERROR, BUSY = 1011, 1013
 """Codes with which a connection is closed: after an error; too many connections."""
+WHY = "the text before says why"
 
 T = TypeVar("T")
+_LOG = logging.getLogger(__name__)
+_LOG.addHandler(logging.NullHandler())  # a port scanner is no reason to print a traceback
+_LOG.propagate = False
 
 
 class Server:
@@ -65,6 +70,7 @@ class Server:
                 compression=None,
                 close_timeout=1,
                 server_header=None,
+                logger=_LOG,
             )
         except (OSError, OverflowError) as error:
             raise UsageError(
@@ -88,7 +94,7 @@ class Server:
             # Any page may open a web socket to this machine, and browsers then name the page.
             return connection.respond(http.HTTPStatus.FORBIDDEN, "dxb serve does not answer pages of a browser\n")
         sent = "".join(request.headers.get_all("Authorization"))
-        if self._key and not hmac.compare_digest(sent.encode(), f"Api-Key {self._key}".encode()):
+        if self._key and not hmac.compare_digest(sent.encode(errors="replace"), f"Api-Key {self._key}".encode()):
             return connection.respond(http.HTTPStatus.UNAUTHORIZED, "send `Authorization: Api-Key KEY`\n")
         return None
 
@@ -100,7 +106,12 @@ class Server:
         self._open += 1
         _, closed = _websockets()
         try:
-            episode = await self._in_turn(partial(Episode, self._served))
+            try:
+                episode = await self._in_turn(partial(Episode, self._served))
+            except Exception as error:
+                await connection.send(_told(error))
+                await connection.close(ERROR, WHY)
+                return
             await connection.send(self._greeting)
             before_ms: float | None = None
             async for data in connection:
@@ -108,7 +119,7 @@ class Server:
                 answer = await self._in_turn(partial(_answer, episode, data, before_ms))
                 await connection.send(answer)
                 if isinstance(answer, str):
-                    await connection.close(ERROR, "the text before says why")
+                    await connection.close(ERROR, WHY)
                 before_ms = (time.perf_counter() - began) * 1000
         except closed:
             pass
@@ -134,12 +145,15 @@ def _answer(episode: Episode, data: bytes | str, before_ms: float | None) -> byt
         answer = episode.answer(unpack(data))
         timing = {"infer_ms": (time.perf_counter() - began) * 1000}
         return pack(answer | {"server_timing": timing | ({} if before_ms is None else {"prev_total_ms": before_ms})})
-    except MessageError as error:
+    except Exception as error:
+        return _told(error)
+
+
+def _told(error: Exception) -> str:
+    """The text of an error for a client."""
+    if isinstance(error, MessageError):
         return f"a request is a map in msgpack, this is none: {error}"
-    except DxbError as error:
-        return str(error)
-    except Exception:
-        return redact(traceback.format_exc())
+    return str(error) if isinstance(error, DxbError) else redact("".join(traceback.format_exception(error)))
 
 
 def _websockets() -> tuple[Any, type[Exception]]:

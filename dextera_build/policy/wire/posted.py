@@ -60,7 +60,7 @@ class Posted:
         """
         content = json.dumps(request, default=_as_json).encode()
         ends = time.monotonic() + limit_s
-        data = b""
+        data = bytearray()
         try:
             with self._client.stream("POST", self._address, content=content, timeout=limit_s) as response:
                 for part in response.iter_bytes():
@@ -77,7 +77,7 @@ class Posted:
             raise link.failed(
                 self._address, f"HTTP status {response.status_code}: {data[:500].decode(errors='replace')}"
             )
-        return {"actions": self._actions(data)}
+        return {"actions": self._actions(bytes(data))}
 
     def _actions(self, data: bytes) -> object:
         """What an answer holds: a list, an array, or either of them written as text once more."""

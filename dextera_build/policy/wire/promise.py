@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from pydantic import ValidationError
 
 from dextera_build.artifacts.base import Value
 from dextera_build.artifacts.tasks.policy import Channel
 
-WIRE = "dxb/1"
+WIRE: Final = "dxb/1"
 RESET = "reset"
 """Key of a request with which an episode begins anew, if its value is true."""
 

@@ -44,6 +44,8 @@ class ServedOptions(Options):
     def _has_a_protocol(cls, address: str) -> str:
         if not address.startswith(SCHEMES):
             raise ValueError(f"`{address}` does not begin with {', '.join(SCHEMES)}")
+        if "@" in address:
+            raise ValueError("an address holds no password, because results show it; use `key_in`")
         return address
 
     @model_validator(mode="after")

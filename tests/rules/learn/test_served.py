@@ -242,7 +242,13 @@ def test_what_a_server_states_may_be_executed_in_another_rhythm(tmp_path: Path) 
 
 @pytest.mark.parametrize(
     "options",
-    [{"address": "127.0.0.1:8000"}, {"inputs": ("contact",)}, {"horizon": 2, "every": 3}, {"answer_s": 0.0}],
+    [
+        {"address": "127.0.0.1:8000"},
+        {"address": "ws://me:secret@127.0.0.1:9"},
+        {"inputs": ("contact",)},
+        {"horizon": 2, "every": 3},
+        {"answer_s": 0.0},
+    ],
 )
 def test_options_that_cannot_hold_are_refused(options: dict[str, Any], tmp_path: Path) -> None:
     with pytest.raises((ValidationError, RuleError, ValueError)):
