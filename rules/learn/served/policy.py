@@ -13,7 +13,7 @@ from dextera_build.artifacts.tasks.policy import Checkpoint, PolicyContract
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError, listing
 from dextera_build.policy.features import Fields
-from dextera_build.policy.running import Predict
+from dextera_build.policy.running import PolicyFault, Predict
 from dextera_build.policy.wire import link
 
 from .said import connected
@@ -72,7 +72,7 @@ class Served:
             request[self._set["reset"]] = True
         try:
             chunk = self._chunk(self._link.ask(request, self._limit_s))
-        except link.PolicyFault:
+        except PolicyFault:
             self._close()
             raise
         self._begins, self._limit_s = False, self._set["answer_s"]
