@@ -44,6 +44,8 @@ class Demonstrations:
     """Vector channel -> (N, tokens, features) float32, normalised."""
     actions: np.ndarray
     """Normalised joint targets before noise, (N, A) float32."""
+    first: np.ndarray
+    """First row of each row's episode, (N,) int64."""
     last: np.ndarray
     """Last row of each row's episode, (N,) int64."""
     train: tuple[str, ...]
@@ -107,6 +109,7 @@ def prepare(
         ),
         inputs=features.Reader(channels, layout).read(fields),
         actions=features.normalised(action, actions),
+        first=np.repeat(np.cumsum([0, *lengths[:-1]]), lengths),
         last=np.repeat(np.cumsum(lengths) - 1, lengths),
         train=train,
         held_out=held_out,

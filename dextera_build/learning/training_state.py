@@ -9,6 +9,7 @@ from pathlib import Path
 
 import torch
 from torch import nn
+from torch.optim.swa_utils import AveragedModel
 
 from dextera_build.errors import RuleError
 from dextera_build.learning import weights
@@ -36,9 +37,13 @@ class Kept:
     """Latest error of held-out episodes [rad]."""
 
 
-def save(file: Path, kept: Kept, network: nn.Module, optimiser: torch.optim.Optimizer) -> None:
+def save(
+    file: Path, kept: Kept, network: nn.Module, optimiser: torch.optim.Optimizer, average: AveragedModel | None = None
+) -> None:
     """Write the state to one file atomically."""
     tensors = {f"weight.{name}": tensor for name, tensor in network.state_dict().items()}
+    if average is not None:
+        tensors |= {f"average.{name}": tensor for name, tensor in average.state_dict().items()}
     for number, moments in optimiser.state_dict()["state"].items():
         tensors |= {f"moment.{number}.{name}": torch.as_tensor(tensor) for name, tensor in moments.items()}
     fresh = file.with_suffix(".new")
@@ -46,13 +51,17 @@ def save(file: Path, kept: Kept, network: nn.Module, optimiser: torch.optim.Opti
     os.replace(fresh, file)
 
 
-def restore(file: Path, kept: Kept, network: nn.Module, optimiser: torch.optim.Optimizer) -> bool:
+def restore(
+    file: Path, kept: Kept, network: nn.Module, optimiser: torch.optim.Optimizer, average: AveragedModel | None = None
+) -> bool:
     """Restore a saved state of the same training; return whether there was one."""
     found = _read(file)
     if found is None or found[0].get("of") != kept.of:
         return False
     notes, tensors = found
-    network.load_state_dict({name[7:]: tensor for name, tensor in tensors.items() if name.startswith("weight.")})
+    network.load_state_dict(_under(tensors, "weight."))
+    if average is not None:
+        average.load_state_dict(_under(tensors, "average."))
     moments: dict[int, dict[str, torch.Tensor]] = {}
     for name, tensor in tensors.items():
         if name.startswith("moment."):
@@ -62,6 +71,10 @@ def restore(file: Path, kept: Kept, network: nn.Module, optimiser: torch.optim.O
     for name, value in notes.items():
         setattr(kept, name, value)
     return True
+
+
+def _under(tensors: dict[str, torch.Tensor], prefix: str) -> dict[str, torch.Tensor]:
+    return {name.removeprefix(prefix): tensor for name, tensor in tensors.items() if name.startswith(prefix)}
 
 
 def _read(file: Path) -> tuple[dict[str, object], dict[str, torch.Tensor]] | None:

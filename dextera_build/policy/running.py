@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from typing import Protocol
 
@@ -14,9 +15,11 @@ from dextera_build.policy.features import Fields, Reader, observed
 from dextera_build.policy.layout import WORLD, Layout, world_flag
 from dextera_build.policy.observation import DeployableObservation
 
-Predict = Callable[[Fields], np.ndarray]
-"""Inputs, one sample of each, to joint targets (C, A) float64 [rad] for this step and the C - 1 after it. `rgb` comes
-as (1, H, W, 3) uint8, the others as `Reader` gives them."""
+Predict = Callable[[Fields, int], np.ndarray]
+"""Inputs, one sample of each, and the number of steps since the start of the episode, 0 at its first, to joint targets
+(C, A) float64 [rad] for this step and the C - 1 after it. `rgb` comes as (1, H, W, 3) uint8, the others as `Reader`
+gives them. If the contract's setting `history` is T > 1, each has T samples in one: (1, T, ...), the present one last;
+before the first step, the first is repeated. A recurrent policy forgets what it holds at step 0."""
 
 
 class Runner(Protocol):
@@ -89,6 +92,7 @@ class Policy:
         """Clear the state of the previous episode."""
         settings = self.contract.settings
         self._step = 0
+        self._seen: deque[Fields] = deque(maxlen=int(settings.get("history", 1)))
         self._ensemble = Ensemble(int(settings.get("every", 1)), float(settings.get("forget", 0.0)))
 
     def act(self, observation: DeployableObservation) -> np.ndarray:
@@ -97,21 +101,36 @@ class Policy:
         Raises:
             PolicyFault: The observation or the network's answer is not finite, or the picture has another size.
         """
-        if self._ensemble.due(self._step):
-            self._ensemble.add(self._finite(self._predict(self._inputs(observation))))
+        due = self._ensemble.due(self._step)
+        if due or self._seen.maxlen != 1:
+            self._seen.append(self._inputs(observation))
+        if due:
+            self._ensemble.add(self._finite(self._predict(self._recent(), self._step)))
         targets = self._ensemble.take()
         self._step += 1
         return np.asarray(np.clip(targets, self._limits[:, 0], self._limits[:, 1]))
 
-    def chunk(self, observation: DeployableObservation) -> np.ndarray:
+    def chunk(self, *observations: DeployableObservation) -> np.ndarray:
         """Joint targets (C, A) float64 [rad], not limited, for a program that carries them out in place of `act`.
 
+        Args:
+            observations: The present one, after those before it that a policy with a history has not seen yet.
+
         Raises:
-            PolicyFault: The observation or the network's answer is not finite, or the picture has another size.
+            PolicyFault: An observation or the network's answer is not finite, or the picture has another size.
         """
-        made = self._finite(self._predict(self._inputs(observation)))
+        self._seen.extend(self._inputs(each) for each in observations)
+        made = self._finite(self._predict(self._recent(), self._step))
         self._step += 1
         return made
+
+    def _recent(self) -> Fields:
+        """The observations that the network takes."""
+        if self._seen.maxlen == 1:
+            return self._seen[0]
+        missing = (self._seen.maxlen or 0) - len(self._seen)
+        seen = [self._seen[0]] * missing + list(self._seen)
+        return {name: np.stack([each[name] for each in seen], axis=1) for name in seen[-1]}
 
     def _inputs(self, observation: DeployableObservation) -> Fields:
         fields = {WORLD: self._world} | observed(observation)

@@ -58,6 +58,7 @@ class Served:
             limits=tuple(limits),
             horizon=self._horizon(),
             every=int(settings.get("every", 1)),
+            history=int(settings.get("history", 1)),
             forget=float(settings.get("forget", 0.0)),
         )
 
@@ -68,7 +69,7 @@ class Served:
     def _horizon(self) -> int:
         """Number of steps that it predicts at once, by one prediction for an observation of zeros."""
         zeros = {channel.name: np.zeros(channel.shape, _dtype(channel)) for channel in self.contract.inputs}
-        chunk = self.policy().chunk(observation(self.contract.inputs, zeros))
+        chunk = self.policy().chunk(*observations(self.contract.inputs, zeros))
         if chunk.ndim != 2 or chunk.shape[1] != len(self.contract.action.names):
             raise RuleError(
                 f"`policy.py` of `{self.contract.algorithm}` gives {chunk.shape}, no table of steps and joints",
@@ -106,14 +107,22 @@ class Episode:
             self._policy.reset()
             if request.keys() == {reset}:
                 return {}
-        return {"actions": self._policy.chunk(observation(self._served.contract.inputs, request))}
+        seen = observations(self._served.contract.inputs, request, self._served.promise.history)
+        return {"actions": self._policy.chunk(*seen)}
 
     def _names(self) -> list[str]:
         return [channel.name for channel in self._served.contract.inputs]
 
 
-def observation(channels: Sequence[Channel], request: Mapping[Any, Any]) -> DeployableObservation:
-    """The observation in a request; further keys of it, such as `prompt`, are not read.
+def observations(
+    channels: Sequence[Channel], request: Mapping[Any, Any], history: int = 1
+) -> list[DeployableObservation]:
+    """The observations in a request, the present one last; further keys of it, such as `prompt`, are not read.
+
+    Args:
+        channels: What each observation has.
+        request: Channel -> its array, or those of several steps along an additional first axis.
+        history: Most steps that a request may hold.
 
     Raises:
         RuleError: A channel is missing, or has another shape or type.
@@ -125,24 +134,33 @@ def observation(channels: Sequence[Channel], request: Mapping[Any, Any]) -> Depl
             code="DXB-B547",
             facts={"needed": listing([channel.name for channel in channels]), "given": listing(map(str, request))},
         )
-    given = {channel.name: _checked(channel, request[channel.name]) for channel in channels}
-    rgb = given.pop("rgb", None)
-    return DeployableObservation(given, {} if rgb is None else {PICTURE: Frame(rgb=rgb)})
+    given = {channel.name: _checked(channel, request[channel.name], history) for channel in channels}
+    steps = {name: len(array) for name, array in given.items()}
+    if len(set(steps.values())) > 1:
+        raise RuleError("the channels of a request hold different numbers of steps", code="DXB-B547", facts=steps)
+    return [_observation({name: array[row] for name, array in given.items()}) for row in range(min(steps.values()))]
 
 
-def _checked(channel: Channel, value: object) -> np.ndarray:
+def _observation(values: dict[str, np.ndarray]) -> DeployableObservation:
+    rgb = values.pop("rgb", None)
+    return DeployableObservation(values, {} if rgb is None else {PICTURE: Frame(rgb=rgb)})
+
+
+def _checked(channel: Channel, value: object, history: int) -> np.ndarray:
+    """The steps of a channel (K, ...)."""
     try:
         array = np.asarray(value)
     except ValueError:  # rows of different lengths
         array = np.zeros(0, object)
     fits = array.dtype == np.uint8 if channel.encoding == "picture" else array.dtype.kind in "biuf"
-    if array.shape != channel.shape or not fits:
+    steps = array[None] if array.ndim == len(channel.shape) else array
+    if steps.shape[1:] != channel.shape or not 0 < len(steps) <= history or not fits:
         raise RuleError(
             f"`{channel.name}` is {array.shape} {array.dtype}, the policy takes {channel.shape} {_dtype(channel)}",
             code="DXB-B547",
             facts={"components": listing(channel.names, most=40)} if channel.names else None,
         )
-    return array.astype(_dtype(channel))
+    return steps.astype(_dtype(channel))
 
 
 def _dtype(channel: Channel) -> np.dtype[Any]:

@@ -26,7 +26,7 @@ def scripted(chunks: list[np.ndarray], **settings: float) -> Policy:
     contract = policies.contract(BUNDLE, **settings)
     left = iter(chunks)
 
-    def predict(inputs: Fields) -> np.ndarray:
+    def predict(inputs: Fields, step: int) -> np.ndarray:
         return next(left)
 
     limits = np.array([(joint.lower, joint.upper) for joint in BUNDLE.robot.joints])
@@ -65,6 +65,33 @@ def test_overlapping_chunks_are_weighed_oldest_first():
     ensemble.add(np.array([[4.0], [8.0]]))
     old, new = 1.0, np.exp(-0.7)
     assert ensemble.take() == pytest.approx((2.0 * old + 4.0 * new) / (old + new))
+
+
+def test_a_policy_with_a_history_sees_the_latest_observations_and_the_step():
+    contract = policies.contract(BUNDLE, history=3)
+    seen, steps = list[np.ndarray](), list[int]()
+
+    def predict(inputs: Fields, step: int) -> np.ndarray:
+        seen.append(inputs["joints"])
+        steps.append(step)
+        return np.zeros((1, 3))
+
+    limits = np.array([(joint.lower, joint.upper) for joint in BUNDLE.robot.joints])
+    policy = Policy(contract, layout.of_bundle(BUNDLE), predict, limits)
+    for step in range(4):
+        policy.act(policies.observation(step))
+    one = seen[0][:, -1]
+    assert steps == [0, 1, 2, 3]
+    assert all(each.shape == (1, 3, *one.shape[1:]) for each in seen)
+    np.testing.assert_array_equal(seen[0], np.stack([one] * 3, axis=1))
+    newest = [each[:, -1] for each in seen]
+    np.testing.assert_array_equal(seen[1], np.stack([one, one, newest[1]], axis=1))
+    np.testing.assert_array_equal(seen[3], np.stack(newest[1:], axis=1))
+    assert not np.array_equal(newest[1], newest[2])
+    policy.reset()
+    policy.act(policies.observation(3))
+    assert steps[-1] == 0
+    np.testing.assert_array_equal(seen[-1], np.stack([newest[3]] * 3, axis=1))
 
 
 def test_a_chunk_can_be_carried_out_before_the_next_is_asked_for():

@@ -40,7 +40,6 @@ def check(answer, made_by: str) -> None:
 def test_a_generator_on_a_gpu_makes_the_assets(space) -> None:
     name = "hunyuan3d_2_1"
     generators.environment(space.root, name, generators.HUNYUAN)
-    (space.root / "rules/factorize/mesh_known.py").unlink()
     folders = ModelFolders([space.root / ".cache/dxb/models"])
     for model, files in WEIGHTS[name].items():
         folders.install(model, lambda part, files=files: filled(part, files))
@@ -64,7 +63,6 @@ def filled(part: Path, files: list[str]) -> str:
 @pytest.mark.slow
 def test_services_make_the_assets_and_their_recorded_answers_make_them_again(space) -> None:
     pytest.importorskip("tencentcloud.ai3d")
-    (space.root / "rules/factorize/mesh_known.py").unlink()
     solid = trimesh.creation.box(np.array(alone.SIZE)[[0, 2, 1]] * 7.0)  # y up, in a unit of its own
     words = ("--profile", "cloud", "--input", "capture=shot", "--set", *alone.SETTINGS)
     words += ("--set", "parse.vlm.model=seer-1")

@@ -14,14 +14,19 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from dextera_build.artifacts.tasks.policy import Checkpoint
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError
-from dextera_build.policy.running import Policy
+from dextera_build.policy.features import Fields
+from dextera_build.policy.observation import deployable
+from dextera_build.policy.running import Policy, Predict
 from dextera_build.policy.wire import promise
 from dextera_build.policy.wire.codec import pack, unpack
 from dextera_build.policy.wire.link import LARGEST
+from dextera_build.serving.served import Served
 from dextera_build.serving.server import MOST
+from dextera_build.sim.runtime.environment import Environment
 from dextera_build.testing import RuleRunner
-from tests import episodes
+from tests import episodes, task_bundles
 from tests.policy import policies
 from tests.serving import servers
 
@@ -74,6 +79,59 @@ def test_a_policy_of_pictures_is_served(tmp_path: Path) -> None:
         far = policies.load(found, BUNDLE, view)
         seen = policies.observation(rgb=picture)
         np.testing.assert_array_equal(far.act(seen), local.act(seen))
+
+
+@pytest.mark.medium
+def test_a_policy_that_practised_is_served(tmp_path: Path) -> None:
+    bundle = task_bundles.close()
+    few = {"steps": 32, "worlds": 2, "rollout": 16, "batch": 16, "width": 16}
+    made = RuleRunner(tmp_path).run("learn.ppo", backend="sb3", bundle=bundle, options=few)
+    environment = Environment(bundle)
+    environment.begin(environment.draw(0))
+    seen = deployable(environment.measure(), environment.previous_action, environment.goal)
+    with servers.running(servers.served(made, bundle)) as address:
+        found = RuleRunner(tmp_path).run("learn.served", bundle=bundle, options={"address": address})
+        far, local = policies.load(found, bundle), policies.load(made, bundle)
+        np.testing.assert_array_equal(far.act(seen), local.act(seen))
+
+
+class Recalling:
+    """A policy that sees two steps and counts its predictions since the episode began."""
+
+    def predict(self, checkpoint: Checkpoint, bundle: TaskBundle) -> Predict:
+        count = 0
+
+        def targets(inputs: Fields, step: int) -> np.ndarray:
+            nonlocal count
+            count = 0 if step == 0 else count + 1
+            before, now = inputs["joints"].reshape(2, -1).astype(np.float64)
+            return np.stack([0.5 * before + 0.25 * now + count / 10 + row / 100 for row in range(4)])
+
+        return targets
+
+
+def test_a_policy_with_a_memory_is_served_step_by_step(tmp_path: Path) -> None:
+    made = policies.checkpoint(policies.contract(BUNDLE, history=2, every=3, forget=0.0))
+    local = Served(Recalling(), made, "0" * 64, BUNDLE).policy()
+    with servers.running(Served(Recalling(), made, "0" * 64, BUNDLE)) as address:
+        far = behind(address, tmp_path)
+        for _ in range(2):
+            local.reset()
+            far.reset()
+            for step in range(8):
+                seen = policies.observation(step)
+                np.testing.assert_array_equal(far.act(seen), local.act(seen))
+        # A client that sends one step per request is remembered, and one that mixes both is told so.
+        connection, said = greeted(address)
+        alone = Served(Recalling(), made, "0" * 64, BUNDLE).policy()
+        for step in range(3):
+            seen = policies.observation(step)
+            connection.send(pack({name: seen[name] for name in policies.INPUTS}))
+            actions = unpack(connection.recv(timeout=5))["actions"]
+            np.testing.assert_array_equal(actions, alone.chunk(seen))
+        zero = zeros(said)
+        connection.send(pack(zero | {"joints": np.stack([zero["joints"]] * 2)}))
+        assert "different numbers of steps" in str(connection.recv(timeout=5))
 
 
 def greeted(address: str, **more: Any) -> tuple[ClientConnection, promise.Promise]:

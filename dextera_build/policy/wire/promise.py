@@ -67,6 +67,9 @@ class Promise(Value):
     """Number of steps in `actions` of an answer."""
     every: int
     """Number of these steps to carry out before the next request."""
+    history: int = 1
+    """Number of steps that the policy sees at once. A request may hold them along an additional first axis, the present
+    one last; a client that sends one step per request must ask at every step."""
     forget: float
     """Steps of overlapping answers are averaged with weights exp(-forget * i), i = 0 for the oldest answer."""
     reset: str = RESET

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 HANDLED = ("revolved", "revolved_hollow", "cylinder", "tilted_revolved_hollow")
 """Families that may have a handle."""
 HOLLOW = ("revolved_hollow", "open_box", "tilted_revolved_hollow", "tilted_open_box")
-HOVERING = 5.0
-"""Cost of the distance between a body and the surface under it [1/m]: what it stands on may be hidden, as wheels are in
-the shadow of a bus, but something carries it."""
+HOVERING, HIDDEN_M = 5.0, 0.03
+"""Cost of the distance between a body and the surface under it [1/m], up to this distance [m]: what it stands on may be
+hidden, as wheels are in the shadow of a bus. A body farther up stands on another one."""
 HALF_TURN_SYMMETRIC = ("box", "tilted_box", "lying_cylinder", "oval", "open_box", "superquadric")
 MIRROR_SYMMETRIC = ("mirrored", "lying")
 
@@ -49,7 +49,8 @@ def fitted_of(candidate: Candidate, evidence: Evidence, steps: int, tries: int =
     found = fit(candidate.model, evidence, steps, tries)
     body = candidate.model.build(found.parameters)
     hovers = max(0.0, float(body.vertices[:, 2].min()))
-    score = judge(body, evidence, candidate.model.cost).score - HOVERING * hovers
+    cost = HOVERING * hovers if hovers < HIDDEN_M else 0.0
+    score = judge(body, evidence, candidate.model.cost).score - cost
     return Fitted(candidate, found.parameters, score, body.volume)
 
 

@@ -15,6 +15,8 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from dextera_build.artifacts.tasks.policy import PolicyContract
+from dextera_build.learning.eye import Eye
+from dextera_build.learning.samples import Batch
 from dextera_build.policy import features
 
 
@@ -90,33 +92,6 @@ class Block(nn.Module):
             tokens = tokens + self.attend_memory(self.norm_memory(tokens), memory)
         out: Tensor = tokens + self.mlp(self.norm_mlp(tokens))
         return out
-
-
-class Eye(nn.Module):
-    """Image encoder: convolutions, then the mean position of each feature (spatial softmax, Levine et al. 2016).
-
-    It locates features to a fraction of a pixel from few demonstrations, which patches of a coarse map would have to
-    learn; the whole image becomes one token.
-    """
-
-    def __init__(self, width: int, points: int = 32) -> None:
-        super().__init__()
-        self.layers = nn.Sequential(
-            *(nn.Conv2d(3, 16, 5, stride=2, padding=2), nn.GroupNorm(4, 16), nn.ReLU()),
-            *(nn.Conv2d(16, 32, 3, stride=2, padding=1), nn.GroupNorm(4, 32), nn.ReLU()),
-            *(nn.Conv2d(32, 32, 3, padding=1), nn.GroupNorm(4, 32), nn.ReLU()),
-            nn.Conv2d(32, points, 1),
-        )
-        self.out = nn.Sequential(nn.Linear(2 * points, 2 * width), nn.GELU(), nn.Linear(2 * width, width))
-
-    def forward(self, pixels: Tensor) -> Tensor:
-        """(B, 1, W) token of (B, 3, H, W) pixels in -1 to 1."""
-        maps = self.layers(pixels)
-        shares = maps.flatten(2).softmax(dim=-1).view_as(maps)
-        rows, columns = (torch.linspace(-1.0, 1.0, size) for size in maps.shape[2:])
-        places = torch.cat([shares.sum(dim=3) @ rows, shares.sum(dim=2) @ columns], dim=1)
-        out: Tensor = self.out(places)
-        return out[:, None]
 
 
 class Act(nn.Module):
@@ -202,20 +177,6 @@ class Act(nn.Module):
         return torch.cat([layer(inputs[name]) for name, layer in self.embed.items()], dim=1)
 
 
-@dataclass(frozen=True)
-class Batch:
-    """Training samples."""
-
-    inputs: Mapping[str, Tensor]
-    """As in `Act.forward`."""
-    actions: Tensor
-    """Demonstrated chunks (B, C, A), normalised."""
-    keep: Tensor
-    """(B, C), false for steps after the episode's end."""
-    places: Tensor | None = None
-    """(B, P) normalised pose and joints of the task's object: auxiliary target of image policies, in training only."""
-
-
 def loss_of(network: Act, batch: Batch, noise: Tensor, kl_weight: float) -> tuple[Tensor, Tensor]:
     """(loss, L1 part): mean absolute error over valid steps, and the latent's divergence from N(0, 1).
 
@@ -247,8 +208,3 @@ def of_contract(contract: PolicyContract, seed: int = 0) -> Act:
     with torch.random.fork_rng(devices=()):
         torch.manual_seed(seed)
         return Act(Sizes.of(contract.settings), vectors, len(contract.action.names), looks=looks)
-
-
-def pixels(frames: Tensor) -> Tensor:
-    """Convert (B, H, W, 3) uint8 images to (B, 3, H, W) float32 in -1 to 1."""
-    return frames.permute(0, 3, 1, 2).to(torch.float32).div_(127.5).sub_(1.0)

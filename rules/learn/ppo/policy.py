@@ -23,7 +23,7 @@ def predict(checkpoint: Checkpoint, bundle: TaskBundle) -> Predict:
     made.eval()
     steering = Steering(bundle.robot, contract)
 
-    def targets(inputs: Fields) -> np.ndarray:
+    def targets(inputs: Fields, step: int) -> np.ndarray:
         with reproducible.one_thread(), torch.inference_mode():
             decision = network.decide(made, steering.numbers(inputs))
         return steering.steered(decision, inputs)

@@ -45,7 +45,6 @@ class Served:
         self._link, said = connected(self._set["address"], self._set["key_in"])
         self._close = weakref.finalize(self, self._link.close)
         self._limit_s = self._set["first_s"]
-        self._begins = True
         if said.digest != self._contract.dataset:
             self._close()
             raise RuleError(
@@ -55,11 +54,11 @@ class Served:
                 hint="`dxb build --force NODE` of learn.served takes the new one; trials then run again",
             )
 
-    def __call__(self, inputs: Fields, step: int = -1) -> np.ndarray:
+    def __call__(self, inputs: Fields, step: int) -> np.ndarray:
         """Joint targets (C, A) for this step and those after it [rad].
 
         Args:
-            inputs: One sample of each channel.
+            inputs: One sample of each channel, or as many as the policy's history has.
             step: Steps since the start of the episode.
 
         Raises:
@@ -68,23 +67,22 @@ class Served:
         if not self._close.alive:
             self._open()
         request = self._request(inputs)
-        if self._set["reset"] and (step == 0 or self._begins):
+        if self._set["reset"] and step == 0:
             request[self._set["reset"]] = True
         try:
             chunk = self._chunk(self._link.ask(request, self._limit_s))
         except PolicyFault:
             self._close()
             raise
-        self._begins, self._limit_s = False, self._set["answer_s"]
+        self._limit_s = self._set["answer_s"]
         return chunk
 
     def _request(self, inputs: Fields) -> dict[str, Any]:
-        request: dict[str, Any] = {
-            self._keys.get(channel.name, channel.name): np.ascontiguousarray(inputs[channel.name]).reshape(
-                channel.shape
-            )
-            for channel in self._contract.inputs
-        }
+        request: dict[str, Any] = {}
+        steps = (self._set["history"],) if self._set["history"] > 1 else ()
+        for channel in self._contract.inputs:
+            array = np.ascontiguousarray(inputs[channel.name]).reshape((*steps, *channel.shape))
+            request[self._keys.get(channel.name, channel.name)] = array
         if self._set["instruction"]:
             request[self._set["instruction_key"]] = self._set["instruction"]
         if self._set["unnorm_key"]:

@@ -121,6 +121,7 @@ def _settings(
         "address": options.address,
         "horizon": horizon,
         "every": every,
+        "history": promise.history if promise else 1,
         "used": horizon if promise else every,
         "forget": promise.forget if promise else 0.0,
         "reset": promise.reset if promise else "",

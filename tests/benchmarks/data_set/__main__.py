@@ -26,9 +26,9 @@ SAMPLES_S = 0.1
 
 
 def measured(command: list[str], env: dict[str, str] | None = None) -> dict[str, float]:
-    """What a step printed, with the processor time and the greatest resident memory of its processes together [MiB].
+    """What a step printed, with the processor time and the greatest memory of its processes together [MiB].
 
-    Pages that processes share count once for each of them.
+    Pages of mapped files do not count.
 
     Raises:
         subprocess.CalledProcessError: It failed.
@@ -37,7 +37,7 @@ def measured(command: list[str], env: dict[str, str] | None = None) -> dict[str,
     step = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=env)
     family, peak = psutil.Process(step.pid), 0
     while step.poll() is None:
-        peak = max(peak, _resident(family))
+        peak = max(peak, _own(family))
         time.sleep(SAMPLES_S)
     out, _ = step.communicate()
     if step.returncode:
@@ -52,12 +52,13 @@ def _processor_s() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def _resident(family: psutil.Process) -> int:
-    """Resident memory of a process and all below it [bytes]."""
+def _own(family: psutil.Process) -> int:
+    """Memory of a process and all below it without mapped files, whose pages the system takes back at will [bytes]."""
     total = 0
     try:
         for process in (family, *family.children(recursive=True)):
-            total += process.memory_info().rss
+            info = process.memory_info()
+            total += info.rss - info.shared
     except psutil.NoSuchProcess:
         pass  # one has just ended; the next look counts the others
     return total

@@ -27,6 +27,8 @@ from tests.e2e.space import Space
 RECIPES = Path(__file__).parents[3] / "recipes"
 OF_OWN_FILES = {
     "align.track",
+    "align.follow",
+    "align.matches",
     "reference.draw",
     "reference.background_views",
     "reference.postures",

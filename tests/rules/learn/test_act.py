@@ -17,7 +17,7 @@ from dextera_build.artifacts.tasks.episode import Episode, Episodes, Film
 from dextera_build.artifacts.tasks.mixture import Mixture
 from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.errors import RuleError
-from dextera_build.learning import weights
+from dextera_build.learning import training, weights
 from dextera_build.policy.observation import PICTURE, Frame, Measurement, deployable
 from dextera_build.rule import Context
 from dextera_build.testing import RuleRunner
@@ -105,7 +105,7 @@ def interrupted(folder: Path, data: Episodes, stop: int | None, monkeypatch: pyt
     runner = RuleRunner(folder)
     found = runner.find("learn.act")
     module = found.backends["torch"].module
-    monkeypatch.setattr(module, "SAVE_EVERY_S", 0.0)
+    monkeypatch.setattr(training, "SAVE_EVERY_S", 0.0)
     lines: list[str] = []
 
     def emit(kind: str, event: Mapping[str, object]) -> None:

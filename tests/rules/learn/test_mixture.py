@@ -13,6 +13,7 @@ from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.mixture import Mixture
 from dextera_build.errors import RuleError
+from dextera_build.learning.samples import Samples
 from dextera_build.policy.observation import Measurement, deployable
 from dextera_build.testing import RuleRunner
 from tests import episodes
@@ -38,9 +39,8 @@ def elsewhere(data: Episodes, offset_rad: float = 0.0) -> Episodes:
 
 def test_every_batch_of_a_mixture_has_exactly_its_share(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     data = mixed(tmp_path, {"twin": 3}, twin=episodes.small(8), reference=elsewhere(episodes.small(2, seed=1)))
-    module = RuleRunner(tmp_path).find("learn.act").backends["torch"].module
-    sampled, plain = list[np.ndarray](), module.Training._samples
-    monkeypatch.setattr(module.Training, "_samples", lambda own, rows: sampled.append(rows.numpy()) or plain(own, rows))
+    sampled, plain = list[np.ndarray](), Samples.at
+    monkeypatch.setattr(Samples, "at", lambda own, rows: sampled.append(rows) or plain(own, rows))
     learn(tmp_path, data, batch=16, held_out=0.0)
     first = 2 * 20  # `reference` comes before `twin`
     assert len(sampled) == SMALL["steps"]

@@ -12,7 +12,7 @@ import pytest
 from dextera_build.artifacts.objects.object import Shape
 from dextera_build.artifacts.objects.view import Instance
 from dextera_build.errors import RuleError
-from dextera_build.geometry import raycast, regions, solids, transforms
+from dextera_build.geometry import lie, raycast, regions, solids, transforms
 from dextera_build.geometry.solids import Solid
 from dextera_build.rule import Context, Options
 from dextera_build.testing import RuleRunner
@@ -370,3 +370,17 @@ def test_a_body_does_not_hover(tmp_path):
     )
     assert found.pose.matrix[2, 3] == pytest.approx(0.0, abs=1e-3)
     assert found.mesh.extent[2] == pytest.approx(0.072, abs=0.005)
+
+
+@pytest.mark.medium
+def test_a_body_high_above_the_table_stands_on_another_one(tmp_path):
+    """A tilted box 80 mm up, whose neighbours' masks are not its own, is no taller thing that reaches the table."""
+    turn = transforms.rigid(lie.rotation(np.array([0.5, 0.15, 0.0])), (0.0, 0.0, 0.12))
+    leaning = box(0.12, 0.07, 0.04).moved(turn)
+    low = float(leaning.vertices[:, 2].min())
+    found = shape_of(
+        synthetic.view(synthetic.placed(leaning, 0.0, 0.0, 40), synthetic.fine(distance=0.8, pitch_deg=50)), tmp_path
+    )
+    placed = transforms.apply(found.pose.matrix, found.mesh.vertices)
+    assert low > 0.08
+    assert float(placed[:, 2].min()) == pytest.approx(low, abs=0.02)

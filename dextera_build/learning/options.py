@@ -1,0 +1,46 @@
+"""Options that all imitation learning rules share."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from dextera_build.policy import contract as contracts
+from dextera_build.rule import Options
+
+
+class ImitationOptions(Options):
+    """What is learned from, and how the weights are optimised."""
+
+    inputs: tuple[str, ...] = ("joints", "objects", "displacement", "goal")
+    """Input channels of the deployable observation; add `rgb` if a film is given, and `world` to tell the policy which
+    kind of world a sample of a mixture is from."""
+    objects: Literal["task", "all"] = "task"
+    """Objects with poses and joints in the input: the task's object only, or all. Irrelevant objects can only
+    mislead a policy trained on a hundred episodes."""
+    steps: int = Field(3000, ge=1)
+    """Optimiser steps."""
+    batch: int = Field(64, ge=1)
+    """Samples per step."""
+    rate: float = Field(1e-3, gt=0.0)
+    """Peak learning rate of AdamW, with cosine decay to 0."""
+    warm_up: int = Field(100, ge=1)
+    """Steps of linear warm-up of the learning rate."""
+    decay: float = Field(1e-4, ge=0.0)
+    """Weight decay of AdamW."""
+    average: float = Field(0.0, ge=0.0, lt=1.0)
+    """Greatest decay of the moving average of the weights, which is what the checkpoint holds (EMA); 0: no average."""
+    jitter: float = Field(0.0, ge=0.0)
+    """Noise added to inputs in training, in their standard deviations."""
+    shift: int = Field(0, ge=0)
+    """Maximum random shift of images in training [px]; with a fixed camera, shifts lose position information."""
+    held_out: float = Field(0.1, ge=0.0, lt=1.0)
+    """Fraction of the episodes held out for validation."""
+    seed: int = Field(0, ge=0)
+    """Seed of initial weights, order, noise and split."""
+
+    @model_validator(mode="after")
+    def _deployable(self) -> ImitationOptions:
+        contracts.check_inputs(self.inputs)
+        return self

@@ -1,0 +1,82 @@
+"""Training samples: windows of steps around a row of the demonstrations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from torch import Tensor
+
+if TYPE_CHECKING:
+    from dextera_build.learning.demonstrations import Demonstrations
+
+
+@dataclass(frozen=True)
+class Window:
+    """Steps of a sample, relative to its row: `range(-1, 1)` is the step before and the present one."""
+
+    acted: range
+    """Steps whose actions a sample holds."""
+    observed: range = range(1)
+    """Steps whose observations a sample holds."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Training samples. Steps before the first of an episode repeat it, those after the last repeat that."""
+
+    inputs: Mapping[str, Tensor]
+    """Channel -> (B, tokens, features) float32, normalised; `rgb` -> (B, 3, H, W) in -1 to 1. With several observed
+    steps T the axis after B is T."""
+    actions: Tensor
+    """Demonstrated actions (B, C, A), normalised."""
+    keep: Tensor
+    """(B, C), false for steps outside the episode."""
+    places: Tensor | None = None
+    """(B, P) normalised pose and joints of the task's object at the row: auxiliary target of image policies, in
+    training only."""
+
+
+@dataclass
+class Samples:
+    """The demonstrations as tensors, from which batches are taken."""
+
+    data: Demonstrations
+    window: Window
+    device: str = "cpu"
+    inputs: dict[str, Tensor] = field(init=False)
+    """Vector channel -> (N, tokens, features)."""
+
+    def __post_init__(self) -> None:
+        data = self.data
+        self.inputs = {name: torch.from_numpy(each).to(self.device) for name, each in data.inputs.items()}
+        self._actions = torch.from_numpy(data.actions).to(self.device)
+        self._first, self._last = torch.from_numpy(data.first), torch.from_numpy(data.last)
+        self._places = torch.from_numpy(data.places).to(self.device) if data.places is not None else None
+
+    def at(self, rows: np.ndarray) -> Batch:
+        """The samples of rows (B,) int64."""
+        chosen = torch.from_numpy(rows)
+        seen, _ = self._steps(chosen, self.window.observed)
+        acted, keep = self._steps(chosen, self.window.acted)
+        seen = seen[:, 0] if len(self.window.observed) == 1 else seen
+        inputs = {name: each[seen.to(self.device)] for name, each in self.inputs.items()}
+        if self.data.frames is not None:
+            frames = torch.from_numpy(self.data.frames.at(seen.flatten().numpy())).to(self.device)
+            inputs["rgb"] = pixels(frames).view(*seen.shape, 3, *frames.shape[1:3])
+        places = self._places[chosen.to(self.device)] if self._places is not None else None
+        return Batch(inputs, self._actions[acted.to(self.device)], keep.to(self.device), places)
+
+    def _steps(self, rows: Tensor, window: range) -> tuple[Tensor, Tensor]:
+        """Rows (B, T) of the steps of a window, within the episode, and whether each was."""
+        found = rows[:, None] + torch.arange(window.start, window.stop)
+        first, last = self._first[rows][:, None], self._last[rows][:, None]
+        return found.clamp(first, last), (found >= first) & (found <= last)
+
+
+def pixels(frames: Tensor) -> Tensor:
+    """Convert (B, H, W, 3) uint8 images to (B, 3, H, W) float32 in -1 to 1."""
+    return frames.permute(0, 3, 1, 2).to(torch.float32).div_(127.5).sub_(1.0)
