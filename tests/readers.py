@@ -1,4 +1,4 @@
-"""Loaders of other projects, each in the environment that `make readers` makes for it."""
+"""Programs of other projects, each in the environment that `make readers` makes for it."""
 
 from __future__ import annotations
 

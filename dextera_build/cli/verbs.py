@@ -18,6 +18,7 @@ GROUPS = {
         "library": "list, search and export the objects and backgrounds that were built",
         "view": "show a scene in the browser",
         "teleop": "demonstrate a task by hand, in the browser or a headset, and record the hands",
+        "serve": "serve a policy to robots and evaluators, by openpi's protocol on web sockets",
         "report": "write a run's report, one offline HTML file",
     },
     "share": {
@@ -45,7 +46,6 @@ MOVED = {
     "gc": "cache gc",
     "pull": "cache pull",
     "push": "cache push",
-    "serve": "cache serve",
     "verify": "cache verify",
 }
 """Former or alternative name -> the current verb."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from dextera_build.artifacts.tasks.episode import Episodes
 from dextera_build.artifacts.tasks.policy import Channel, Encoding, PolicyContract
@@ -117,7 +117,15 @@ def check(
             code="DXB-B518",
             hint="teach a student that sees less: `demonstrate.teach`, then `learn.bc_rnn` or another imitation",
         )
-    found = differences(contract, of_bundle(bundle, view, rate_hz, terms))
+    refuse(differences(contract, of_bundle(bundle, view, rate_hz, terms)))
+
+
+def refuse(found: Mapping[str, str]) -> None:
+    """Raise for `differences`, if there are any.
+
+    Raises:
+        RuleError: There are; the error lists all of them.
+    """
     if found:
         raise RuleError(
             f"the policy does not fit the task bundle: {', '.join(found)}",

@@ -110,6 +110,20 @@ class Policy:
         self._step += 1
         return np.asarray(np.clip(targets, self._limits[:, 0], self._limits[:, 1]))
 
+    def chunk(self, *observations: DeployableObservation) -> np.ndarray:
+        """Joint targets (C, A) float64 [rad], not limited, for a program that carries them out in place of `act`.
+
+        Args:
+            observations: The present one, after those before it that a policy with a history has not seen yet.
+
+        Raises:
+            PolicyFault: An observation or the network's answer is not finite, or the picture has another size.
+        """
+        self._seen.extend(self._inputs(each) for each in observations)
+        made = self._finite(self._predict(self._recent(), self._step))
+        self._step += 1
+        return made
+
     def _recent(self) -> Fields:
         """The observations that the network takes."""
         if self._seen.maxlen == 1:
@@ -119,7 +133,7 @@ class Policy:
         return {name: np.stack([each[name] for each in seen], axis=1) for name in seen[-1]}
 
     def _inputs(self, observation: DeployableObservation) -> Fields:
-        fields = observed(observation) | {WORLD: self._world}
+        fields = {WORLD: self._world} | observed(observation)
         inputs = self._reader.read(fields)
         bad = [name for name, samples in inputs.items() if not np.isfinite(samples).all()]
         if bad:

@@ -11,6 +11,7 @@ import numpy as np
 from dextera_build import digest
 from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.policy.instruction import of_task
 
 from .lerobot_actions import Actions
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 def instruction(bundle: TaskBundle, options: FormOptions) -> str:
     """The task in words."""
-    return options.instruction or " ".join(re.findall(r"[A-Z]?[^A-Z]+|[A-Z]+", bundle.task.name)).lower()
+    return options.instruction or of_task(bundle.task)
 
 
 def robot_type(bundle: TaskBundle) -> str:

@@ -1,0 +1,1 @@
+"""Serves policies to robots and evaluators, by openpi's protocol."""
