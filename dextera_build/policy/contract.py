@@ -111,13 +111,23 @@ def check(
     Raises:
         RuleError: There are differences; the error lists all of them.
     """
-    if contract.settings.get(PRIVILEGED) and not teacher:
+    if not teacher:
+        refuse_teacher(contract)
+    refuse(differences(contract, of_bundle(bundle, view, rate_hz, terms)))
+
+
+def refuse_teacher(contract: PolicyContract) -> None:
+    """Raise for a policy that sees what only a simulator knows.
+
+    Raises:
+        RuleError: It does.
+    """
+    if contract.settings.get(PRIVILEGED):
         raise RuleError(
             f"the teacher of `{contract.task}` sees the state of the simulator, which no robot measures",
             code="DXB-B518",
             hint="teach a student that sees less: `demonstrate.teach`, then `learn.bc_rnn` or another imitation",
         )
-    refuse(differences(contract, of_bundle(bundle, view, rate_hz, terms)))
 
 
 def refuse(found: Mapping[str, str]) -> None:

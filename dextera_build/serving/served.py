@@ -177,6 +177,7 @@ def _narrowed(layout: Layout, checkpoint: Checkpoint) -> Layout:
     rows = {name: taken[name].names for name in _ROWS if name in taken and taken[name].names}
     rgb = taken.get("rgb")
     seen = replace(layout, picture=(rgb.shape[0], rgb.shape[1]) if rgb else None)
+    contracts.refuse_teacher(checkpoint.contract)
     contracts.refuse(contracts.differences(checkpoint.contract, seen))
     return replace(seen, **rows)  # type: ignore[arg-type]
 

@@ -85,7 +85,7 @@ def test_an_array_that_is_not_contiguous_is_sent_as_it_looks() -> None:
         object(),
         {1, 2.5j},
     ],
-    ids=repr,
+    ids=lambda value: type(value).__name__,
 )
 def test_what_no_message_holds_is_refused(value: object) -> None:
     with pytest.raises(MessageError):
