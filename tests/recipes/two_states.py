@@ -22,17 +22,21 @@ def thing() -> kinds.Thing:
     return kinds.laptop(np.random.default_rng(4))
 
 
+def shown(opening: float, place: np.ndarray) -> tabletops.Tabletop:
+    """The laptop, opened [rad], and the box at a place."""
+    posed = thing().at({"hinge": opening}).posed()
+    links = [
+        (
+            Mesh(vertices=s.vertices.astype(np.float32), faces=s.faces.astype(np.int32), colour=(0.2, 0.2, 0.22)),
+            LAPTOP,
+        )
+        for s in posed.values()
+    ]
+    box = (tabletops.box(0.07, 0.05, 0.06, (0.75, 0.15, 0.1)), place)
+    return tabletops.tabletop(*links, box, eye=EYE, lens=tabletops.FINE)
+
+
 def write(folder: Path) -> None:
     """Write the captures `before` and `after`."""
     for name, opening, place in zip(("before", "after"), OPENED, BOX, strict=True):
-        posed = thing().at({"hinge": opening}).posed()
-        links = [
-            (
-                Mesh(vertices=s.vertices.astype(np.float32), faces=s.faces.astype(np.int32), colour=(0.2, 0.2, 0.22)),
-                LAPTOP,
-            )
-            for s in posed.values()
-        ]
-        box = (tabletops.box(0.07, 0.05, 0.06, (0.75, 0.15, 0.1)), place)
-        capture = tabletops.tabletop(*links, box, eye=EYE, lens=tabletops.FINE).capture
-        tabletops.write(capture, folder / name)
+        tabletops.write(shown(opening, place).capture, folder / name)

@@ -151,7 +151,9 @@ def join_bonded(parts: Grouping) -> None:
         best = max(scores, key=lambda pair: (scores[pair], pair), default=None)
         if best is None or scores[best] <= 0:
             return
-        parts.join(*best)
+        laptop = _is_hinged(parts, *best)
+        kept = parts.join(*best)
+        parts.hinged |= {kept} if laptop else set()
         scores = {pair: score for pair, score in scores.items() if not {*pair} & {*best}}
 
 
@@ -196,11 +198,15 @@ def _interrupted(parts: Grouping, a: int, b: int) -> bool:
 def join_hinged(parts: Grouping) -> None:
     """Join the base and the lid of a laptop, which meet in a concave crease."""
     for a, b in sorted(parts.contacts):
-        if a not in parts.groups or b not in parts.groups or parts.contact(a, b).meeting < FEWEST:
-            continue
-        first, second = parts.groups[a], parts.groups[b]
-        if relations.hinged(parts.surfaces, first, second) or relations.hinged(parts.surfaces, second, first):
+        if a in parts.groups and b in parts.groups and _is_hinged(parts, a, b):
             parts.hinged.add(parts.join(a, b))
+
+
+def _is_hinged(parts: Grouping, a: int, b: int) -> bool:
+    if parts.contact(a, b).meeting < FEWEST:
+        return False
+    first, second = parts.groups[a], parts.groups[b]
+    return relations.hinged(parts.surfaces, first, second) or relations.hinged(parts.surfaces, second, first)
 
 
 def _continues(parts: Grouping, a: int, b: int) -> bool:

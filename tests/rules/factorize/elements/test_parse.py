@@ -9,6 +9,7 @@ from dextera_build.artifacts.base import File
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from tests import factories, tabletops
+from tests.recipes import two_states
 
 RED, BLUE, WHITE = (0.75, 0.1, 0.1), (0.15, 0.2, 0.7), (0.9, 0.9, 0.9)
 
@@ -81,6 +82,12 @@ def test_a_laptop_is_one_articulated_thing(runner):
     found = interactive(parsed(runner, scene))
     assert [element.category for element in found.values()] == ["laptop"]
     assert [element.body_type for element in found.values()] == ["articulated"]
+
+
+def test_a_laptop_of_which_the_network_joins_lid_and_base_is_one_too(runner):
+    scene = two_states.shown(two_states.OPENED[0], two_states.BOX[0])
+    found = interactive(parsed(runner, scene))
+    assert sorted(element.category for element in found.values()) == ["box", "laptop"]
 
 
 def test_a_box_on_a_board_is_no_laptop(runner):
