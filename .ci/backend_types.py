@@ -21,8 +21,10 @@ def compared() -> Iterator[tuple[str, str, str]]:
     """(module of the protocol, its name, module that must match it)."""
     for found in Library().rules():
         if protocol := found.rule.protocol:
+            shared = protocol.__module__.startswith("dextera_build.")  # that of several rules
+            place = protocol.__module__ if shared else module(found, found.file)
             for backend in found.backends.values():
-                yield module(found, found.file), protocol.__name__, module(found, backend.file)
+                yield place, protocol.__name__, module(found, backend.file)
         policy = beside(found, "policy")
         if policy.file.is_file():
             yield "dextera_build.policy.running", "Runner", module(found, policy.file)
