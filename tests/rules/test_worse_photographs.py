@@ -133,8 +133,10 @@ def test_every_interval_is_wider(good, worse, name):
     if name == "bowl":
         assert first.pop("yaw") == second.pop("yaw"), "nothing is known of the turn of a round body"
         assert first.pop("friction") <= second.pop("friction"), "both photographs are sure that it is a vessel"
+    # Things of known mass decide that interval, and their number grows slowly with the doubt about the size.
+    least = {"mass": 1.0}
     for what, width in first.items():
-        assert second[what] > 1.02 * width > 0.0, what
+        assert second[what] > least.get(what, 1.02) * width > 0.0, what
     spread, wider = spreads(good.bundle, name), spreads(worse.bundle, name)
     if name == "bowl":
         assert 0.99 * spread.pop("friction") <= wider.pop("friction")
