@@ -47,6 +47,7 @@ def shown() -> Episodes:
     [
         ("learn.act", {"width": 32, "heads": 2, "chunk": 10}),
         ("learn.act", {"width": 32, "heads": 2, "chunk": 10, "every": 10}),
+        ("learn.bc_rnn", {"hidden": 32}),
         ("learn.diffusion", {"network": "transformer", "width": 32, "layers": 1, "heads": 2}),
         ("learn.diffusion", {"width": 16, "levels": 2, "horizon": 8, "every": 4}),
     ],
