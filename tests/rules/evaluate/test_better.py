@@ -1,4 +1,4 @@
-"""evaluate.compared: two policies on the same starts, until it is decided which one is better."""
+"""evaluate.better: two policies on the same starts, until it is decided which one is better."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def runner(tmp_path):
 def test_the_trials_end_when_one_policy_is_the_better_one(runner):
     bundle = gate.bundle()
     given = {"bundle": bundle, "first": saying(gate.PUSHES, bundle), "second": saying(gate.STOPS_SHORT, bundle)}
-    found: Compared = runner.run("evaluate.compared", **given, options={"trials": 30, **LABELS})
+    found: Compared = runner.run("evaluate.better", **given, options={"trials": 30, **LABELS})
     # Eight wins in a row have an e-value of 256 / 9.
     assert found.decided == 8
     assert (found.first.successes, found.second.successes) == (8, 0)
@@ -46,7 +46,7 @@ def test_its_trials_are_those_of_rollouts(runner, tmp_path):
     bundle = gate.bundle()
     first, second = saying(gate.PUSHES, bundle), saying(gate.STOPS_SHORT, bundle)
     found = runner.run(
-        "evaluate.compared", bundle=bundle, first=first, second=second, options={"trials": 2, "seed": 3, **LABELS}
+        "evaluate.better", bundle=bundle, first=first, second=second, options={"trials": 2, "seed": 3, **LABELS}
     )
     alone = RuleRunner(tmp_path / "alone", made_by={"checkpoint": "learn.act"})
     for checkpoint, part in ((first, found.first), (second, found.second)):
@@ -60,7 +60,7 @@ def test_the_picture_goes_to_the_policy_that_sees(runner):
     bundle, view = gate.bundle(), gate.view()
     sees = saying(gate.PUSHES, bundle, ("joints", "rgb"), view)
     found = runner.run(
-        "evaluate.compared",
+        "evaluate.better",
         bundle=bundle,
         first=saying(gate.PUSHES, bundle),
         second=sees,
@@ -76,10 +76,10 @@ def test_trials_that_were_done_are_not_made_again(tmp_path, monkeypatch):
     given = {"bundle": bundle, "first": saying(gate.PUSHES, bundle), "second": saying(gate.STOPS_SHORT, bundle)}
     options = {"trials": 3, **LABELS}
     whole = RuleRunner(tmp_path / "whole", made_by=MADE_BY)
-    expected = whole.encode(whole.run("evaluate.compared", **given, options=options))
+    expected = whole.encode(whole.run("evaluate.better", **given, options=options))
     parts = RuleRunner(tmp_path / "parts", made_by=MADE_BY)
-    module = parts.find("evaluate.compared").backends["mujoco"].module
-    real, made = module.compared, []
+    module = parts.find("evaluate.better").backends["mujoco"].module
+    real, made = module.better, []
 
     def tired(*words):
         for attempt in real(*words):
@@ -88,18 +88,18 @@ def test_trials_that_were_done_are_not_made_again(tmp_path, monkeypatch):
             made.append(attempt)
             yield attempt
 
-    monkeypatch.setattr(module, "compared", tired)
+    monkeypatch.setattr(module, "better", tired)
     with pytest.raises(KeyboardInterrupt):
-        parts.run("evaluate.compared", **given, options=options)
-    monkeypatch.setattr(module, "compared", real)
-    assert parts.encode(parts.run("evaluate.compared", **given, options=options)) == expected
+        parts.run("evaluate.better", **given, options=options)
+    monkeypatch.setattr(module, "better", real)
+    assert parts.encode(parts.run("evaluate.better", **given, options=options)) == expected
 
 
 def test_two_policies_need_two_names(runner):
     bundle = gate.bundle()
     with pytest.raises(RuleError, match="both policies are called `ACT`"):
         runner.run(
-            "evaluate.compared",
+            "evaluate.better",
             bundle=bundle,
             first=saying(gate.PUSHES, bundle),
             second=saying(gate.STOPS_SHORT, bundle),
@@ -109,12 +109,12 @@ def test_two_policies_need_two_names(runner):
 def test_a_checkpoint_for_something_else_is_refused(runner):
     bundle, arm = gate.bundle(), policies.checkpoint(policies.contract(episodes.bundle()))
     with pytest.raises(RuleError, match="another embodiment"):
-        runner.run("evaluate.compared", bundle=bundle, first=saying(gate.PUSHES, bundle), second=arm, options=LABELS)
+        runner.run("evaluate.better", bundle=bundle, first=saying(gate.PUSHES, bundle), second=arm, options=LABELS)
 
 
 def test_with_stubs_two_equal_policies_stay_open(runner):
     found = runner.run(
-        "evaluate.compared",
+        "evaluate.better",
         profile="stub",
         bundle=episodes.bundle(),
         first=nothing(),

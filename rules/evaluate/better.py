@@ -1,4 +1,4 @@
-"""evaluate.compared: run two policies from the same starts until one of them is known to be the better one."""
+"""evaluate.better: run two policies from the same starts until one of them is known to be the better one."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from .protocol import TOLERANCE, Record, close, policy_label, same_task, seeds
 from .strip import show
 
 
-class ComparedOptions(Options):
-    """Options of evaluate.compared."""
+class BetterOptions(Options):
+    """Options of evaluate.better."""
 
     trials: int = Field(100, ge=1)
     """Number of starts after which the comparison stays open."""
@@ -42,10 +42,10 @@ class ComparedOptions(Options):
     """Pictures in each film strip."""
 
 
-class ComparedBackend(Protocol):
-    """Interface of a backend of evaluate.compared."""
+class BetterBackend(Protocol):
+    """Interface of a backend of evaluate.better."""
 
-    def compared(
+    def better(
         self,
         ctx: Context,
         bundle: TaskBundle,
@@ -74,8 +74,8 @@ class ComparedBackend(Protocol):
     tolerance=TOLERANCE,
     runs={"first": "policy", "second": "policy", "bundle": "primitive", "twin": "primitive", "terms": ""},
 )
-def compared(
-    ctx: Context[ComparedBackend],
+def better(
+    ctx: Context[BetterBackend],
     bundle: TaskBundle,
     first: Checkpoint,
     second: Checkpoint,
@@ -84,7 +84,7 @@ def compared(
     twin: TaskBundle | None = None,
     terms: Collection[TermSpec] | None = None,
     *,
-    options: ComparedOptions,
+    options: BetterOptions,
 ) -> Compared:
     """Return the trials of two policies on the same starts, with start poses in the base frame [m].
 
@@ -102,7 +102,7 @@ def compared(
         contracts.check(each.contract, bundle, view=view, terms=added)
 
     def make(left: list[tuple[str, int]]) -> Iterator[Attempt]:
-        made: Iterator[Attempt] = ctx.backend.compared(
+        made: Iterator[Attempt] = ctx.backend.better(
             ctx, bundle, checkpoints, view, cell, twin, left, added, ctx.backend_options
         )
         return made
@@ -125,7 +125,7 @@ def compared(
     return Compared(**parts, decided=after)
 
 
-def _run(ctx: Context, records: dict[str, Record], made: Iterator[Attempt], options: ComparedOptions) -> int | None:
+def _run(ctx: Context, records: dict[str, Record], made: Iterator[Attempt], options: BetterOptions) -> int | None:
     """Record attempts, of both policies in turn, until it is decided; the number of starts, None if it stays open."""
     for done, attempts in enumerate(zip(made, made, strict=True), 1):
         for record, attempt in zip(records.values(), attempts, strict=True):
@@ -137,7 +137,7 @@ def _run(ctx: Context, records: dict[str, Record], made: Iterator[Attempt], opti
     return None
 
 
-def _labels(ctx: Context, checkpoints: Mapping[str, Checkpoint], options: ComparedOptions) -> dict[str, str]:
+def _labels(ctx: Context, checkpoints: Mapping[str, Checkpoint], options: BetterOptions) -> dict[str, str]:
     given = {"first": options.first_label, "second": options.second_label}
     found = {slot: given[slot] or policy_label(each.contract) for slot, each in checkpoints.items()}
     ctx.check(
