@@ -15,7 +15,7 @@ from dextera_build.learning import curve_picture
 from dextera_build.learning.demonstrations import Demonstrations, Selection, prepare
 from dextera_build.learning.parts import Part
 from dextera_build.learning.trained import Trained
-from dextera_build.rule import ROUNDING, Context, Tolerance
+from dextera_build.rule import ROUNDING, Context, Options, Tolerance
 
 if TYPE_CHECKING:
     from dextera_build.learning.options import ImitationOptions
@@ -71,9 +71,9 @@ def imitated(
     )
 
 
-def untrained(steps: int) -> Trained:
-    """The result of a stub: no weights, and a falling curve."""
-    places = np.array([1, max(2, steps)], np.int64)
+def untrained(ctx: Context, data: Demonstrations, common: ImitationOptions, options: Options) -> Trained:
+    """`train` of the stubs: no weights, and a falling curve."""
+    places = np.array([1, max(2, common.steps)], np.int64)
     return Trained(NOTHING, places, np.array([1.0, 0.5], np.float32), (places[:0], np.zeros(0, np.float32)), 0.0)
 
 

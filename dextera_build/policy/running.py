@@ -85,14 +85,13 @@ class Policy:
         self._world = world_flag(layout.world)[None]
         self._predict = predict
         self._limits = limits
-        self._sees = any(channel.encoding == "picture" for channel in contract.inputs)
         self.reset()
 
     def reset(self) -> None:
         """Clear the state of the previous episode."""
         settings = self.contract.settings
         self._step = 0
-        self._seen: deque[Fields] = deque(maxlen=int(settings.get("history", 1)))
+        self._seen: deque[Fields] = deque(maxlen=self.contract.history)
         self._ensemble = Ensemble(int(settings.get("every", 1)), float(settings.get("forget", 0.0)))
 
     def act(self, observation: DeployableObservation) -> np.ndarray:
@@ -138,7 +137,7 @@ class Policy:
         bad = [name for name, samples in inputs.items() if not np.isfinite(samples).all()]
         if bad:
             raise PolicyFault(f"the policy was given NaN in `{bad[0]}` at step {self._step}", code="DXB-B509")
-        if self._sees:
+        if self.contract.sees:
             inputs["rgb"] = self._picture(fields)
         return inputs
 

@@ -58,7 +58,7 @@ class Served:
             limits=tuple(limits),
             horizon=self._horizon(),
             every=int(settings.get("every", 1)),
-            history=int(settings.get("history", 1)),
+            history=contract.history,
             forget=float(settings.get("forget", 0.0)),
         )
 

@@ -56,7 +56,7 @@ def teach(
         runner = ctx.companion("student", student.contract.algorithm, Runner)
         taught = load(runner, student, bundle, view, terms=terms)
     sensors = Sensors(of_bundle(bundle, view, terms=environment.specs).terms(None, _sensors(common)), {})
-    sees = student is not None and any(channel.name == "rgb" for channel in student.contract.inputs)
+    sees = student is not None and student.contract.sees
     opened = pictures.live(environment, view) if view is not None and sees else nullcontext()
     with opened as look:
         for seed in seeds:

@@ -124,8 +124,7 @@ class Record:
 
 def policy_label(contract: PolicyContract) -> str:
     """Name of a policy in tables: `ACT`, or `ACT image` for a policy on pictures."""
-    sees = any(channel.encoding == "picture" for channel in contract.inputs)
-    return contract.algorithm.upper() + (" image" if sees else "")
+    return contract.algorithm.upper() + (" image" if contract.sees else "")
 
 
 def same_task(ctx: Context, twin: TaskBundle, world: TaskBundle) -> None:

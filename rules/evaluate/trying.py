@@ -47,7 +47,7 @@ def trying(
         for slot, each in checkpoints.items()
     }
     environment = Environment(bundle, terms=of_specs(terms, ctx.companion))
-    seeing = {slot for slot, each in checkpoints.items() if _sees(each.contract)}
+    seeing = {slot for slot, each in checkpoints.items() if each.contract.sees}
     opened = pictures.live(environment, view) if view and seeing else nullcontext()
     names = set[str]().union(*(objects_of(each.contract, bundle) for each in checkpoints.values()))
     tracked = nullcontext() if cell is None else TrackedCell(environment, cell, names, twin)
@@ -64,7 +64,3 @@ def objects_of(contract: PolicyContract, bundle: TaskBundle) -> set[str]:
     taken = {channel.name: set(channel.names) for channel in contract.inputs}
     joints = taken.get("displacement", set())
     return taken.get("objects", set()) | {name for name, thing in bundle.objects.items() if joints & {*thing.joints}}
-
-
-def _sees(contract: PolicyContract) -> bool:
-    return any(channel.name == "rgb" for channel in contract.inputs)

@@ -51,6 +51,16 @@ class PolicyContract(Value):
     settings: dict[str, float | int | str | bool]
     """Sizes of the network."""
 
+    @property
+    def sees(self) -> bool:
+        """Whether the policy takes pictures."""
+        return any(channel.encoding == "picture" for channel in self.inputs)
+
+    @property
+    def history(self) -> int:
+        """Number of steps that the policy sees at once, the present one last."""
+        return int(self.settings.get("history", 1))
+
 
 class Checkpoint(Artifact):
     """A trained policy."""

@@ -28,7 +28,7 @@ from dextera_build.sim.training.insight import INSIGHT, insight
 
 
 class Teacher:
-    """What a policy would do in the true state of a world, whoever acts there.
+    """The actions of a policy in the true state of a world, in which a student may be acting.
 
     Args:
         runner: The module `policy.py` of its algorithm.
@@ -42,9 +42,8 @@ class Teacher:
     def __init__(self, runner: Runner, checkpoint: Checkpoint, environment: Environment) -> None:
         contract = checkpoint.contract
         contracts.check(contract, environment.bundle, terms=environment.specs, teacher=True)
-        sees = any(channel.encoding == "picture" for channel in contract.inputs)
-        if sees or int(contract.settings.get("history", 1)) > 1:
-            what = "looks at pictures" if sees else "remembers"
+        if contract.sees or contract.history > 1:
+            what = "looks at pictures" if contract.sees else "remembers"
             raise RuleError(
                 f"a policy of `learn.{contract.algorithm}` that {what} is no teacher",
                 code="DXB-B517",

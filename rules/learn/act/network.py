@@ -200,7 +200,6 @@ def loss_of(network: Act, batch: Batch, noise: Tensor, kl_weight: float) -> tupl
 def of_contract(contract: PolicyContract, seed: int = 0) -> Act:
     """Build the network of a contract, with initial weights that depend only on `seed`."""
     vectors = {channel.name: features.tokens(channel) for channel in contract.inputs if channel.encoding != "picture"}
-    looks = any(channel.encoding == "picture" for channel in contract.inputs)
     with torch.random.fork_rng(devices=()):
         torch.manual_seed(seed)
-        return Act(Sizes.of(contract.settings), vectors, len(contract.action.names), looks=looks)
+        return Act(Sizes.of(contract.settings), vectors, len(contract.action.names), looks=contract.sees)

@@ -144,7 +144,6 @@ def of_contract(contract: PolicyContract, seed: int = 0) -> BcRnn:
     """Build the network of a contract, with initial weights that depend only on `seed`."""
     channels = contract.inputs
     vectors = {one.name: math.prod(features.tokens(one)) for one in channels if one.encoding != "picture"}
-    looks = any(one.encoding == "picture" for one in channels)
     with torch.random.fork_rng(devices=()):
         torch.manual_seed(seed)
-        return BcRnn(Sizes.of(contract.settings), vectors, len(contract.action.names), looks=looks)
+        return BcRnn(Sizes.of(contract.settings), vectors, len(contract.action.names), looks=contract.sees)

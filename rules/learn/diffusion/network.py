@@ -48,10 +48,9 @@ class Denoiser(nn.Module):
         self.shape = (int(settings["horizon"]), actions)
         vectors = [channel for channel in contract.inputs if channel.encoding != "picture"]
         self.vectors = [channel.name for channel in vectors]
-        looks = len(vectors) < len(contract.inputs)
-        observed = sum(count * size for count, size in map(features.tokens, vectors)) + SEEN * looks
-        self.eye = Eye(SEEN) if looks else None
-        self.locate = nn.Linear(SEEN, int(settings["located"])) if looks and settings["located"] else None
+        observed = sum(count * size for count, size in map(features.tokens, vectors)) + SEEN * contract.sees
+        self.eye = Eye(SEEN) if contract.sees else None
+        self.locate = nn.Linear(SEEN, int(settings["located"])) if contract.sees and settings["located"] else None
         self.body = _body(settings, actions, observed, dropout)
         self.register_buffer("centre", torch.zeros(actions))
         self.register_buffer("reach", torch.ones(actions))

@@ -22,6 +22,7 @@ from dextera_build.sim.training.practice import Practice
 from dextera_build.testing import RuleRunner
 from tests import episodes, task_bundles
 from tests.policy.policies import load, runner
+from tests.rules.learn.trainings import Killed
 
 WIDE = Reset(position_m=0.01, joint_rad=0.1, robot_rad=0.005)
 BUNDLE = task_bundles.close(reset=WIDE)
@@ -32,10 +33,6 @@ def learn(tmp_path: Path, backend: str = "sb3", bundle: TaskBundle = BUNDLE, **m
     made = RuleRunner(tmp_path).run("learn.ppo", backend=backend, bundle=bundle, options=SMALL | more)
     assert isinstance(made, Checkpoint)
     return made
-
-
-class Killed(Exception):  # noqa: N818 - it stands for a signal
-    """The process ends here."""
 
 
 def interrupted(

@@ -89,8 +89,8 @@ class Trainings:
         np.testing.assert_array_equal(rest.steps, whole.steps)
 
 
-class Killed(Exception):  # noqa: N818 - it stands for a signal
-    """The process ends here."""
+class Killed(Exception):  # noqa: N818 - not an error
+    """Stands for a signal that ends the process."""
 
 
 def miss(made: Checkpoint, steps: int = 30) -> float:
