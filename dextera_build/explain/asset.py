@@ -42,6 +42,8 @@ class Asset:
     """Upper end of the 90 % interval."""
     material: str
     friction: float | None
+    cut: bool
+    """Whether the picture's border cuts it, so that a part of it is completed by symmetry."""
     joints: tuple[JointFacts, ...]
     collision_pieces: int
     triangles: int
@@ -54,7 +56,8 @@ class Asset:
         """Text that a search looks in."""
         moving = ["articulated", *(joint.type for joint in self.joints)] if self.joints else ["rigid"]
         own = (self.name, self.kind, self.category, self.material, self.source, *self.nodes)
-        return " ".join((*own, *(moving if self.kind == "object" else ()))).lower()
+        more = (*moving, "cut") if self.cut else moving
+        return " ".join((*own, *(more if self.kind == "object" else ()))).lower()
 
     def plain(self) -> dict[str, Any]:
         """The asset as JSON data."""
@@ -82,6 +85,7 @@ def _of_object(value: Any) -> dict[str, Any]:
         "mass_high_kg": round(sum(link.mass_high_kg for link in links), 6),
         "material": value.physics.material,
         "friction": value.physics.friction,
+        "cut": value.cut,
         "joints": tuple(
             JointFacts(joint.name, joint.type, joint.lower, joint.upper, joint.position) for joint in value.body.joints
         ),
@@ -101,6 +105,7 @@ def _of_background(value: Any) -> dict[str, Any]:
         "mass_high_kg": None,
         "material": "",
         "friction": None,
+        "cut": False,
         "joints": (),
         "collision_pieces": len(value.boxes),
         "triangles": sum(len(mesh.faces) for mesh in meshes),

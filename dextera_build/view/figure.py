@@ -31,6 +31,8 @@ class Fact:
     """Sliding friction coefficient."""
     held: str = ""
     """Why the object is fixed in the scene; "" if it moves freely."""
+    cut: bool = False
+    """Whether the picture's border cuts the object."""
 
     def short(self, name: str) -> str:
         """One line: name, mass, material and friction."""
@@ -43,6 +45,7 @@ class Fact:
         spread = "" if self.interval_kg is None else f" ({' to '.join(mass(each) for each in self.interval_kg)})"
         rows = [("mass", mass(self.mass_kg) + spread), ("material", self.material)]
         rows += [("friction", "" if self.friction is None else f"{self.friction:.2f}"), ("held", self.held)]
+        rows.append(("cut", "by the picture's border; the rest is completed by symmetry" if self.cut else ""))
         return f"**{name}**\n\n" + "\n".join(f"* {word}: {text}" for word, text in rows if text)
 
 

@@ -132,7 +132,7 @@ def _label(server: Any, name: str, text: str, asset: Asset) -> Any:
 def _fact(asset: Asset, held: str) -> Fact:
     links, physics = list(asset.physics.links.values()), asset.physics
     low, high = sum(each.mass_low_kg for each in links), sum(each.mass_high_kg for each in links)
-    return Fact(sum(each.mass_kg for each in links), (low, high), physics.material, physics.friction, held)
+    return Fact(sum(each.mass_kg for each in links), (low, high), physics.material, physics.friction, held, asset.cut)
 
 
 def _chosen(server: Any, facts: Mapping[str, Fact], bind: Callable[[str, str], str] | None) -> Callable[[str], None]:

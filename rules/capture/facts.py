@@ -100,6 +100,24 @@ def depth_scale(ctx: Context, facts: Mapping[str, object]) -> float:
     return scale
 
 
+def gravity_of(ctx: Context, facts: Mapping[str, object]) -> tuple[float, float, float] | None:
+    """Unit direction in which things fall, in the camera frame; None if it is not stated."""
+    value = facts.get("gravity")
+    if value is None:
+        return None
+    numbers = [_finite(each) for each in value] if isinstance(value, list) else []
+    x, y, z = (number or 0.0 for number in numbers) if len(numbers) == 3 and None not in numbers else (0.0, 0.0, 0.0)
+    length = math.hypot(x, y, z)
+    if length < 1e-6:
+        ctx.fail(
+            f"`{NAME}`: `gravity` must be three numbers",
+            found=reprlib.repr(value),
+            hint="write the direction in which things fall, along the camera's x (right), y (down) and z (forward); an "
+            "accelerometer at rest reads the opposite",
+        )
+    return x / length, y / length, z / length
+
+
 def _pixels(
     ctx: Context, facts: Mapping[str, object], key: str, *, whole: bool = False, positive: bool = True
 ) -> float:

@@ -20,13 +20,13 @@ class FolderOptions(DepthOptions):
     """Options of capture.folder."""
 
 
-@rule(version=3, packages=("pillow",))
+@rule(version=4, packages=("pillow",))
 def folder(ctx: Context, folder: Folder, *, options: FolderOptions) -> Capture:
     """Return the capture in `capture.json`, `rgb.png` or `rgb.jpg`, and, if available, `depth.png` or `depth.npy`.
 
     `capture.json` contains width, height, fx, fy, cx, cy [px] (OpenCV convention, integer pixel centres) and, for a
     `depth.png` of 16 bit counts, `depth_scale_m` [m per count]. Depth is image-plane z; 0 and 65535 counts are invalid.
-    A `depth.npy` contains metres.
+    A `depth.npy` contains metres. `gravity`, if given, is the direction in which things fall, in the camera frame.
 
     A photograph is rotated by its EXIF orientation, and `distortion` (OpenCV's k1 k2 p1 p2 k3 ...) is removed. Without
     intrinsics in `capture.json`, they are read from `camera_info.yaml` or `cameras.txt`, as for `capture.file`, or from

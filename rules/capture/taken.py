@@ -14,7 +14,7 @@ from dextera_build.artifacts.cameras.image import DepthImage, Image
 from dextera_build.rule import Context, Options
 
 from . import doubts, exif
-from .facts import NAME, depth_scale
+from .facts import NAME, depth_scale, gravity_of
 from .intrinsics import lens_of
 from .pictures import bits_of, counts, metres, pixels, size
 from .pinhole import Lens, nearest, pinhole, places, smooth
@@ -102,7 +102,8 @@ def take(
         where = lenses.places(lens)
         rgb, depth = smooth(rgb, where), None if depth is None else nearest(depth, where)
     camera = lens if isinstance(lens, Camera) else pinhole(lens)
-    measured = None if depth is None else Measured(depth=DepthImage(depth=depth))
+    gravity = gravity_of(ctx, facts)
+    measured = None if depth is None else Measured(depth=DepthImage(depth=depth), gravity=gravity)
     if depth is not None and doubted:
         doubts.of_registration(ctx, rgb, depth)
     return Taken(

@@ -12,7 +12,7 @@ from dextera_build.artifacts.cameras.camera import Camera, Measured, Photograph
 from dextera_build.artifacts.cameras.image import Image, LabelImage
 from dextera_build.artifacts.objects.object import AssetSource, Element, Support
 from dextera_build.artifacts.objects.view import MeasuredView, ObjectView, Seen
-from dextera_build.geometry import upright
+from dextera_build.geometry import cameras, regions, upright
 from dextera_build.geometry.depth_view import DepthView
 from dextera_build.rule import Context
 
@@ -54,6 +54,16 @@ class Workspace(DepthView):
     def turns(self) -> int:
         """Counter-clockwise quarter turns that make the photograph upright."""
         return upright.turns(self.world_from_camera)
+
+    def over_support(self) -> tuple[np.ndarray, np.ndarray]:
+        """Pixels (H, W) bool whose line of sight meets the support inside its outline, and its depth there [m]."""
+        pose = self.world_from_camera
+        rays = cameras.rays(self.camera.height, self.camera.width, self.k) @ pose[:3, :3].T
+        ahead = rays[..., 2] < -1e-6
+        depth = pose[2, 3] / np.where(ahead, -rays[..., 2], 1.0)
+        meets = pose[:2, 3] + rays[..., :2] * depth[..., None]
+        inside = ahead & regions.inside_convex(meets, self.support.polygon)
+        return np.asarray(inside), np.where(inside, depth, 0.0)
 
     def upright(self) -> Workspace:
         """The same scene as seen by an upright camera: the photograph turned by `turns`, the same world."""

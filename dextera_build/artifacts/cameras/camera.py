@@ -97,6 +97,8 @@ class Measured(Artifact):
 
     depth: DepthImage
     """Depth registered to the photograph, same size and intrinsics."""
+    gravity: tuple[float, float, float] | None = None
+    """Direction in which things fall in the camera frame, a unit vector, from an inertial sensor; None if unknown."""
 
 
 class Capture(Artifact):

@@ -54,6 +54,8 @@ class Element(Value):
     """Key of the material table."""
     material_confidence: float | None = None
     """Probability that it is this material: 1 if stated by the user; None if the proposer has no estimate."""
+    cut: bool = False
+    """Whether the picture's border cuts it; what is outside the picture is completed by symmetry."""
     joints: tuple[JointHint, ...] = ()
     """Joints stated by the user."""
 
@@ -319,6 +321,8 @@ class Asset(Artifact):
     """T_world_object, with the placement's covariance."""
     category: str
     """See `Element.category`."""
+    cut: bool = False
+    """See `Element.cut`."""
     asset_source: AssetSource = "rgb"
     """Source of the asset."""
     scale: ScaleSource = "depth"

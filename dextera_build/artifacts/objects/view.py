@@ -66,6 +66,8 @@ class Traits(Artifact):
     """See `Element.material`."""
     material_confidence: float | None = None
     """See `Element.material_confidence`."""
+    cut: bool = False
+    """See `Element.cut`."""
     joints: tuple[JointHint, ...] = ()
     """See `Element.joints`."""
 

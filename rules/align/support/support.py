@@ -7,18 +7,16 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts.cameras.camera import Camera, Measured, Photograph
+from dextera_build.artifacts.cameras.camera import Measured, Photograph
 from dextera_build.artifacts.objects.object import Support
 from dextera_build.artifacts.spatial.pose import Pose
-from dextera_build.geometry import cameras, planes, regions, transforms, upright
+from dextera_build.geometry import pictures, planes, regions, transforms, upright
 from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 from . import uneven, unmeasured
-from .surfaces import Surface, carries, choose, find, quarter_turns
+from .candidates import SIDES, Candidates, known_up, of_depth
+from .surfaces import Surface
 from .unmeasured import MarkerOptions
-
-SIDES = ("top", "right", "bottom", "left")
-"""Side of the picture that is up, by the counter-clockwise quarter turns that make it upright."""
 
 
 class SupportOptions(Options):
@@ -35,6 +33,8 @@ class SupportOptions(Options):
     up: Literal["auto", "top", "right", "bottom", "left"] = "auto"
     """Side of the picture that is up; `auto` uses the top, unless the depth shows a support only in a rotated
     picture."""
+    at_px: tuple[NonNegativeInt, NonNegativeInt] | None = None
+    """Column and row of a pixel of the support, if another surface was taken for it [px]."""
     seed: NonNegativeInt = 0
     """Seed of the random sampling."""
     marker: MarkerOptions | None = None
@@ -47,7 +47,7 @@ class SupportOptions(Options):
     """Extent of an unmeasured support, in heights of the camera above it."""
 
 
-@rule(version=5, tolerance=Tolerance({"": ROUNDING}))
+@rule(version=6, tolerance=Tolerance({"": ROUNDING}))
 def support(
     ctx: Context,
     photograph: Photograph,
@@ -58,9 +58,11 @@ def support(
 ) -> Support:
     """Return the support plane and the world frame on it: z up along the normal, origin at its centre [m].
 
-    The camera looks at the support from above, in any orientation about its axis, see `up`. Without depth, the plane
-    comes from a marker, from the robot's pose T_camera_base, or from an assumed pitch; the scale is unknown in the last
-    case.
+    The camera looks at the support from above, in any orientation about its axis, see `up`. Of several level surfaces,
+    one on which things stand is chosen; `measured.gravity`, or the z axis of the robot's base (T_camera_base), tells
+    what is level. If another surface may be the support as well, a warning and a picture show both. Without depth, the
+    plane comes from a marker, from the robot's pose T_camera_base, or from an assumed pitch; the scale is unknown in
+    the last case.
     """
     options = options or SupportOptions()
     if measured is None:
@@ -73,15 +75,8 @@ def support(
             pixels=f"{int(valid.sum()):,} within {options.farthest_m:g} m",
             hint="capture the table from 0.4 to 2 m, or raise `farthest_m`",
         )
-    turns, found, points = _found(photograph.camera, depth, valid, options)
-    best = choose(found, options.smallest_m2)
-    if best is None:
-        ctx.fail(
-            "no support plane is in view",
-            planes=_listing(found),
-            smallest=f"{options.smallest_m2:g} m^2, facing up",
-            hint="show more of the table, lower `smallest_m2`, or set `up` to the upper side of the picture",
-        )
+    seen = of_depth(ctx, photograph.camera, depth, valid, known_up(measured, robot), options)
+    best, turns, points = seen.best, seen.turns, seen.points
     level = _support(best, points, upright.turned(valid, turns))
     if doubt := uneven.doubt(level, points, upright.turned(valid, turns)):
         ctx.warn(doubt)
@@ -92,32 +87,10 @@ def support(
     ctx.say(f"{area:.2f} m² at {below:.2f} m below the camera, {rms:.1f} mm rms")
     ctx.metric("support residual", rms, "mm")
     ctx.metric("support inliers", result.inlier_fraction or 0.0)
-    ctx.preview(_painted(photograph.rgb.pixels, upright.turned(best.region, -turns)), "support")
+    _show(ctx, photograph.rgb.pixels, seen)
     if turns and options.up == "auto":
         ctx.warn(f"the camera was turned: up is taken to be the {SIDES[turns]} of the picture; set `up` if it is not")
     return result
-
-
-def _found(
-    camera: Camera, depth: np.ndarray, valid: np.ndarray, options: SupportOptions
-) -> tuple[int, list[Surface], np.ndarray]:
-    """Quarter turns that make the picture upright, and the surfaces and points (H, W, 3) of the upright picture."""
-
-    def look(count: int) -> tuple[list[Surface], np.ndarray]:
-        points = cameras.backproject(upright.turned(depth, count), camera.turned(count).matrix())
-        rng = np.random.default_rng(options.seed)
-        return find(points, upright.turned(valid, count), options.surfaces, options.warp_m, rng), points
-
-    turns = 0 if options.up == "auto" else SIDES.index(options.up)
-    found, points = look(turns)
-    count = quarter_turns(found, options.smallest_m2) if options.up == "auto" else 0
-    if count:
-        again, seen = look(count)
-        best = choose(again, options.smallest_m2)
-        # A bare wall seen from slightly above resembles a bare table seen by an upside-down camera.
-        if best is not None and carries(best, seen, upright.turned(valid, count)):
-            return count, again, seen
-    return turns, found, points
 
 
 def _seen_from(support: Support, turns: int) -> Support:
@@ -187,12 +160,27 @@ def _covariance(points: np.ndarray, noise: float, camera: np.ndarray) -> np.ndar
     return np.asarray((covariance + covariance.T) / 2)
 
 
-def _listing(found: list[Surface]) -> str:
-    parts = [f"{s.area_m2:.3f} m^2 tilted {np.degrees(s.tilt_rad):.0f} deg" for s in found]
-    return ", ".join(parts) if parts else "none"
+CHOSEN, OTHER = (40, 190, 90), (240, 140, 30)
+"""Colours of the support and of another surface that may be it."""
 
 
-def _painted(pixels: np.ndarray, region: np.ndarray) -> np.ndarray:
+def _show(ctx: Context, pixels: np.ndarray, seen: Candidates) -> None:
+    """A picture of the support, and a warning if another surface may be it."""
+    painted = _painted(pixels, upright.turned(seen.best.region, -seen.turns), CHOSEN)
+    if seen.rival is None:
+        ctx.preview(painted, "support")
+        return
+    region = upright.turned(seen.rival.region, -seen.turns)
+    column, row = pictures.innermost(region)
+    ctx.preview(_painted(painted, region, OTHER), "support (green), and another surface that may be it (orange)")
+    ctx.warn(
+        f"two surfaces may be the support: {seen.best.area_m2:.2f} m² at {seen.best.plane[1]:.2f} m from the camera is "
+        f"taken, and things also stand on {seen.rival.area_m2:.2f} m² at {seen.rival.plane[1]:.2f} m, orange in the "
+        f"picture; `support: {{at_px: [{column}, {row}]}}` in the recipe chooses that one"
+    )
+
+
+def _painted(pixels: np.ndarray, region: np.ndarray, colour: tuple[int, int, int]) -> np.ndarray:
     painted = pixels.copy()
-    painted[region] = (0.55 * painted[region] + 0.45 * np.array([40, 190, 90])).astype(np.uint8)
+    painted[region] = (0.55 * painted[region] + 0.45 * np.array(colour)).astype(np.uint8)
     return painted

@@ -1,22 +1,18 @@
-"""Find flat surfaces in a depth image and choose the one that carries the objects."""
+"""Find flat surfaces in a depth image."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
-from dextera_build.geometry import planes, regions, upright
+from dextera_build.geometry import planes, regions
 
 CELL_M = 0.02
 SAMPLES = 8000
 GATE = 3.0
 LEVEL_M = 0.008
 """Maximum mean distance of a surface cell from the plane [m]."""
-CLEARLY = 0.25
-"""A picture is rotated if its upright support has less than this fraction of the weight of a rotated one. In 21 real
-photographs, rotated by quarter turns, the true side had at least 20 times the weight of any other."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +27,8 @@ class Surface:
     """(P, 2) convex outline in the plane's own x, y axes (see `axes`), about the camera's foot point [m]."""
     below: float
     """Fraction of the lines of sight through the outline that end below the plane; 0 for a true support."""
+    carried: float = 0.0
+    """Pixels of what stands on it, relative to its own; see `loads.loaded`."""
 
     @property
     def axes(self) -> np.ndarray:
@@ -88,63 +86,6 @@ def find(points: np.ndarray, valid: np.ndarray, most: int, warp_m: float, rng: n
             found.append(_refined(surface, points, sigma, valid))
         left &= ~near
     return found
-
-
-def choose(found: list[Surface], smallest_m2: float, turns: int = 0) -> Surface | None:
-    """Choose the surface that carries the objects: large in the image, facing up, not the floor below a table.
-
-    Args:
-        found: Surfaces in the frame of the camera.
-        smallest_m2: Minimum area [m^2].
-        turns: Counter-clockwise quarter turns that make the picture upright.
-    """
-    score = partial(_score, turns=turns)
-    fit = [s for s in found if s.area_m2 >= smallest_m2 and _upness(s, turns) > 0]
-    if not fit:
-        return None
-    best = max(fit, key=score)
-    # The camera is lower above a table than above the floor visible next to it.
-    tables = [s for s in fit if best.plane[1] - s.plane[1] > 0.3 and score(s) > 0.2 * score(best)]
-    parallel = [s for s in tables if abs(float(best.plane[0] @ s.plane[0])) > np.cos(np.radians(10))]
-    return max(parallel, key=score, default=best)
-
-
-def quarter_turns(found: list[Surface], smallest_m2: float) -> int:
-    """Counter-clockwise quarter turns after which the picture shows a support as an upright camera would.
-
-    A wall next to a table cannot be distinguished from a table seen by a rotated camera, so the picture counts as
-    upright unless a rotated one shows a support with four times the weight. The weight increases with the size in the
-    picture and with proximity, since walls and floors are farther from the camera than the table it is pointed at.
-    """
-    weights = []
-    for turns in range(4):
-        surface = choose(found, smallest_m2, turns)
-        weights.append(0.0 if surface is None else _score(surface, turns) / surface.plane[1] ** 2)
-    return int(np.argmax(weights)) if weights[0] < CLEARLY * max(weights) else 0
-
-
-def carries(surface: Surface, points: np.ndarray, valid: np.ndarray) -> bool:
-    """Whether objects protrude from the surface: at least 0.3 % of the pixels in front of it, 12 mm to 0.5 m high.
-
-    Args:
-        surface: The surface.
-        points: (H, W, 3) camera frame [m].
-        valid: (H, W) bool, pixels with a depth.
-    """
-    height = planes.distance(surface.plane, points)
-    over = valid & regions.inside_convex(points @ surface.axes[:2].T, surface.outline)
-    high = (height > 0.012 + GATE * planes.depth_sigma(points[..., 2])) & (height < 0.5)
-    return bool((over & high).sum() > 0.003 * over.sum())
-
-
-def _upness(surface: Surface, turns: int) -> float:
-    """Weight of the normal: 1 if it points up in the image or at a camera above, 0 for walls and side faces."""
-    normal = upright.turned_from_camera(turns)[:3, :3] @ surface.plane[0]
-    return float(np.clip((0.15 - normal[1]) / 0.3, 0.0, 1.0) * (abs(normal[0]) < 0.5 or abs(normal[0]) < -normal[1]))
-
-
-def _score(surface: Surface, turns: int) -> float:
-    return float(surface.region.sum()) * _upness(surface, turns) * max(0.0, 1.0 - 5.0 * surface.below)
 
 
 def _connected(plane: planes.Plane, points: np.ndarray, near: np.ndarray) -> Surface | None:

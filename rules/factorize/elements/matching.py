@@ -151,7 +151,7 @@ def _merged(item: Wanted, proposal: Element | None) -> Element:
     given = {key: value for key, value in item.fields.items() if key != "at_px"}
     base: dict[str, Any] = {"category": "object", "phrase": item.name.replace("_", " ")}
     if proposal is not None:
-        base = {key: getattr(proposal, key) for key in ("category", "body_type", "material", "box", "phrase")}
+        base = {key: getattr(proposal, key) for key in ("category", "body_type", "material", "box", "phrase", "cut")}
         # The confidence of the material was estimated for the category of the proposal.
         if given.get("category", proposal.category) == proposal.category:
             base["material_confidence"] = proposal.material_confidence

@@ -95,12 +95,13 @@ def elements(proposals: tuple[Proposal, ...], relief: Relief, lab: np.ndarray) -
             Element(
                 name=unique(base, taken),
                 category="room" if proposal.static else shape,
-                phrase=base.replace("_", " "),
+                phrase=f"{colour} {shape}" if proposal.cut else base.replace("_", " "),
                 body_type="articulated" if shape == "laptop" and not proposal.static else "rigid",
                 interactive=not proposal.static,
                 box=proposal.box,
                 material=MATERIALS.get(shape, "plastic"),
                 material_confidence=material_confidence(proposal, shape),
+                cut=proposal.cut,
             )
         )
     return tuple(found)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from dextera_build.artifacts.objects.object import Element
-from dextera_build.geometry import cameras, planes, regions, upright
+from dextera_build.geometry import planes, regions, upright
 
 from ..measured import Workspace
 from ..overlap import box_of
@@ -36,7 +36,7 @@ def causes(seen: Workspace, static: tuple[Element, ...]) -> Iterator[Cause]:
         static: Detected regions that are not objects.
     """
     heights = relief(seen)
-    raised, outline = int((heights.raised & heights.over).sum()), _outline(seen)
+    raised, outline = int((heights.raised & heights.over).sum()), seen.over_support()[0]
     yield from _unit(seen)
     cut = [element.name for element in static if element.box and _at_border(element.box, seen.depth.shape)]
     beyond = None if cut or raised >= FEW else _largest(_in_front(heights.raised & ~heights.over, seen.turns))
@@ -96,15 +96,6 @@ def _unit(seen: Workspace) -> Iterator[Cause]:
             f"the support is {height:.1f} m below the camera, where noise hides lower things",
             "check `depth_scale_m` in `capture.json`, or capture the table from 0.4 to 1.5 m",
         )
-
-
-def _outline(seen: Workspace) -> np.ndarray:
-    """Pixels (H, W) whose line of sight meets the support inside its outline."""
-    camera, pose = seen.camera, seen.world_from_camera
-    rays = cameras.rays(camera.height, camera.width, camera.matrix()) @ pose[:3, :3].T
-    ahead = rays[..., 2] < -1e-6
-    meets = pose[:2, 3] + rays[..., :2] * (pose[2, 3] / np.where(ahead, -rays[..., 2], 1.0))[..., None]
-    return np.asarray(ahead & regions.inside_convex(meets, seen.support.polygon))
 
 
 def _in_front(mask: np.ndarray, turns: int) -> np.ndarray:

@@ -20,7 +20,7 @@ from ..measured import Measurements, Workspace, of_workspace, robot_pixels
 from ..overlap import Box, box_of
 from ..regions.heights import relief
 from ..regions.proposals import scenery
-from . import matching, scene_file
+from . import borders, matching, scene_file
 from .nothing import causes
 
 
@@ -41,7 +41,7 @@ class ParseBackend(Protocol):
         ...
 
 
-@rule(version=5)
+@rule(version=6)
 def parse(
     ctx: Context[ParseBackend],
     photograph: Photograph,
@@ -79,6 +79,8 @@ def parse(
     everything = (*found, *([] if any(e.name == "support" for e in found) else [table]))
     regions = None if proposals is None else proposals.regions
     result = Elements(elements=everything, source=source, asset_source=depth.source(), regions=regions)
+    for doubt in borders.doubts(found, photograph.rgb.pixels.shape[1::-1]):
+        ctx.warn(doubt)
     static = sum(not element.interactive for element in found)
     ctx.say(f"{', '.join(interactive)}" + (f"; {static} static" if static else ""))
     ctx.preview(boxes(photograph.rgb.pixels, found), "elements")

@@ -16,6 +16,7 @@ from dextera_build.rule import Context, Fraction, Options, rule
 
 from ..measured import Measurements, Workspace, of_workspace, robot_pixels
 from ..overlap import suppress
+from .clear import clear_things
 from .cutting import Cutter, Said
 from .marking import outlines
 from .smeared import odd_scale, size, sparse, why_no_body
@@ -44,7 +45,7 @@ class SegmentBackend(Protocol):
         ...
 
 
-@rule(version=7)
+@rule(version=8)
 def segment(
     ctx: Context[SegmentBackend],
     photograph: Photograph,
@@ -78,6 +79,9 @@ def segment(
         elements=listing(wanted),
         hint="check the boxes of the elements against the photograph",
     )
+    scraps = _clear(ctx, depth.needed(), found) if depth.taken else set[str]()
+    found = {name: mask for name, mask in found.items() if name not in scraps}
+    ctx.check(bool(found), "nothing but clear or shiny things was found", hint=SEEN)
     source = depth.source(elements.asset_source)
     said = {name: Said(element.phrase, _traits(element), source) for name, element in wanted.items()}
     static = [mask for name, mask in masks.items() if name not in wanted]
@@ -99,10 +103,30 @@ def segment(
         )
         result = _cut_out(cutter, found, said, static, options.margin_px) if bad else result
         _warn(ctx, result)
-    lost = sorted(set(wanted) - set(result.names) - set(bad))
+    lost = sorted(set(wanted) - set(result.names) - set(bad) - scraps)
     ctx.say(f"{', '.join(result.names)}" + (f"; nothing of {', '.join(lost)}" if lost else ""))
     ctx.preview(outlines(photograph.rgb.pixels, result.map.labels), "instances")
     return result
+
+
+SEEN = "cover clear and shiny things with a matt spray or tape"
+
+
+def _clear(ctx: Context, seen: Workspace, found: dict[str, np.ndarray]) -> set[str]:
+    """Warn about clear and shiny things, with a picture of them, and return the objects that are scraps of them."""
+    things = clear_things(seen, found)
+    for thing in things:
+        scraps = f"; {listing(thing.scraps)}, which is a part of it, is no body" if thing.scraps else ""
+        ctx.warn(
+            f"a clear or shiny thing is in the box {list(thing.box)}: {thing.without:.0%} of it has no depth, or that "
+            f"of what is behind it: it stays in the background{scraps}; {SEEN}"
+        )
+    if things:
+        labels = np.zeros(seen.depth.shape, np.int32)
+        for number, thing in enumerate(things, start=1):
+            labels[thing.mask] = number
+        ctx.preview(outlines(seen.pixels, labels), "clear or shiny things, which are no bodies")
+    return {name for thing in things for name in thing.scraps}
 
 
 def _warn(ctx: Context, result: Segmentation) -> None:

@@ -6,11 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.geometry import planes, regions
+from dextera_build.geometry import planes, regions, transforms
 
 from ..measured import Workspace
 
 MARGIN_M = 0.03
+BEYOND_M = 0.25
+"""Distance by which a support continues where the picture's border cuts it [m]; see `background.outline`."""
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,7 @@ class Relief:
     threshold: np.ndarray  # (H, W) float64, noise bound of the height [m]
     raised: np.ndarray  # (H, W) bool, higher than the threshold
     over: np.ndarray  # (H, W) bool, above the support's outline
+    continued: np.ndarray  # (H, W) bool, above the part of the support that the picture's border cuts off
 
 
 def relief(seen: Workspace) -> Relief:
@@ -35,7 +38,30 @@ def relief(seen: Workspace) -> Relief:
     height = np.where(valid, points[..., 2], 0.0)
     height -= np.where(valid, warp(height, valid & over & (np.abs(height) < 4.0 * sigma)), 0.0)
     threshold = least_height(depth)
-    return Relief(points, height, valid, threshold, valid & (height > threshold), over)
+    raised = valid & (height > threshold)
+    return Relief(points, height, valid, threshold, raised, over, _continued(seen, points, raised & ~over))
+
+
+def _continued(seen: Workspace, points: np.ndarray, above: np.ndarray) -> np.ndarray:
+    """Pixels (H, W) bool of `above` whose foot is outside the picture, near a part of the support at its border."""
+    found = np.zeros(above.shape, bool)
+    feet = points[above] * [1.0, 1.0, 0.0]
+    camera, pose = seen.camera, seen.world_from_camera
+    at = camera.project(transforms.apply(transforms.invert(pose), feet))
+    inside = np.clip(at, 0.0, [camera.width - 1.0, camera.height - 1.0])
+    rays = np.column_stack([(inside - [camera.cx, camera.cy]) / [camera.fx, camera.fy], np.ones(len(inside))])
+    rays = rays @ pose[:3, :3].T
+    ahead = np.isfinite(rays).all(axis=1) & (rays[:, 2] < -1e-6)
+    border = pose[:2, 3] + rays[:, :2] * (pose[2, 3] / np.where(ahead, -rays[:, 2], 1.0))[:, None]
+    near = np.linalg.norm(border - feet[:, :2], axis=1) < BEYOND_M
+    cut = (np.abs(at - inside) > 0.5).any(axis=1)
+    found[above] = (
+        ahead
+        & cut
+        & near
+        & regions.inside_convex(np.where(ahead[:, None], border, 0.0), seen.support.polygon, MARGIN_M)
+    )
+    return found
 
 
 def least_height(depth: np.ndarray) -> np.ndarray:

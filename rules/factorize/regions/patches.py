@@ -69,7 +69,9 @@ def surfaces(relief: Relief, raised: np.ndarray, seen: Workspace, lab: np.ndarra
     k[:2, 2] -= (stride - 1) / (2 * stride)
     points = transforms.apply(seen.world_from_camera, cameras.backproject(mean, k))
     heights = (blocks(relief.height[box], stride) * near).sum(axis=-1) / np.maximum(near.sum(axis=-1), 1)
-    outside = relief.valid[box] & ((relief.height[box] < -relief.threshold[box]) | ~relief.over[box])
+    outside = relief.valid[box] & (
+        (relief.height[box] < -relief.threshold[box]) | ~(relief.over | relief.continued)[box]
+    )
     level = np.abs(relief.height[box]) <= relief.threshold[box]
     floor = blocks(relief.valid[box] & level, stride).mean(axis=-1) > 0.5
     colour = np.stack([blocks(lab[box][..., i], stride).mean(axis=-1) for i in range(3)], axis=-1)

@@ -8,10 +8,10 @@ import numpy as np
 
 from ..measured import Workspace
 from ..overlap import Box, box_of
-from . import grouping, heights, patches, relations, smears
+from . import borders, grouping, heights, patches, relations, smears
 from .partition import Grouping
 from .relations import Group
-from .standing import standing
+from .standing import on_support, standing
 
 LARGEST_M = 0.6
 """Longer objects are furniture or robots."""
@@ -42,7 +42,9 @@ class Proposal:
     hinged: bool
     """Whether two plates meet at a crease, as in a laptop."""
     static: bool
-    """Cut by the image border, too large, or not supported by anything."""
+    """Cut by the image border so that less than most of it is in view, too large, or not supported by anything."""
+    cut: bool
+    """Whether it stands on the support, small enough to be handled, and the image border cuts it."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,7 @@ def scenery(seen: Workspace) -> Scenery:
     from scipy import ndimage
 
     relief = heights.relief(seen)
-    above = relief.raised & relief.over
+    above = relief.raised & (relief.over | relief.continued)
     above = above if seen.robot is None else above & ~seen.robot
     raised = ndimage.binary_opening(above, np.ones((3, 3), bool))
     if not raised.any():
@@ -87,9 +89,11 @@ def scenery(seen: Workspace) -> Scenery:
         for number, part in sorted(parts.groups.items())
         if part.area_m2 >= SMALLEST_M2 and part.top_m >= LOWEST_M and (labels == number).any()
     }
-    cut = {number for number, mask in things.items() if _is_cut(relief, mask)}
-    handled = standing(parts, cut)
-    found = [_proposal(parts, number, mask, number in handled) for number, mask in things.items()]
+    cut, shares = _cut(relief, seen, parts, things)
+    beyond = {n for n, mask in things.items() if shares[n] < borders.MOST or _extent(relief, mask) > LARGEST_M}
+    sunk = {n for n in cut - beyond if borders.BOTTOM in borders.touched(things[n])}
+    handled = standing(parts, beyond, sunk)
+    found = [_proposal(parts, number, mask, number in cut, number in handled) for number, mask in things.items()]
     found.sort(key=lambda p: (-p.area_m2, p.box))
     taken = np.zeros(raised.shape, bool)
     for proposal in found:
@@ -104,15 +108,37 @@ def colour_lab(pixels: np.ndarray) -> np.ndarray:
     return np.asarray(cv2.cvtColor(pixels.astype(np.float32) / 255.0, cv2.COLOR_RGB2LAB))
 
 
-def _is_cut(relief: heights.Relief, mask: np.ndarray) -> bool:
-    """Whether an object extends beyond the image or is too large to be handled."""
+def _extent(relief: heights.Relief, mask: np.ndarray) -> float:
+    """Largest extent of an object along a world axis, without the outermost 2 % [m]."""
     points = relief.points[mask]
-    extent = float(np.max(np.quantile(points, 0.99, axis=0) - np.quantile(points, 0.01, axis=0)))
-    border = mask[:2].any() or mask[-2:].any() or mask[:, :2].any() or mask[:, -2:].any()
-    return bool(border) or extent > LARGEST_M
+    return float(np.max(np.quantile(points, 0.99, axis=0) - np.quantile(points, 0.01, axis=0)))
 
 
-def _proposal(parts: Grouping, number: int, mask: np.ndarray, handled: bool) -> Proposal:
+def _cut(
+    relief: heights.Relief, seen: Workspace, parts: Grouping, things: dict[int, np.ndarray]
+) -> tuple[set[int], dict[int, float]]:
+    """Objects that the border cuts, and the fraction of each group in view, 0 if unknown.
+
+    Args:
+        relief: Heights of the capture.
+        seen: The capture.
+        parts: All groups.
+        things: Group -> mask (H, W) bool.
+    """
+    floor = relief.over & (np.abs(relief.height) <= relief.threshold)
+    cut, shares = set[int](), dict.fromkeys(things, 1.0)
+    for number, mask in things.items():
+        sides = borders.touched(mask)
+        if sides:
+            group = parts.groups[number]
+            shares[number] = borders.in_view(parts.surfaces, group, mask, floor, seen)
+            foot = borders.above_border(parts.surfaces, group, mask, floor) if borders.BOTTOM in sides else 0.0
+            if _extent(relief, mask) <= LARGEST_M and (foot > 0.0 or on_support(parts, number)):
+                cut.add(number)
+    return cut, shares
+
+
+def _proposal(parts: Grouping, number: int, mask: np.ndarray, cut: bool, handled: bool) -> Proposal:
     part = parts.groups[number]
     pieces = tuple(sorted((parts.patches[n] for n in parts.members[number]), key=lambda p: -p.area_m2))
     return Proposal(
@@ -125,4 +151,5 @@ def _proposal(parts: Grouping, number: int, mask: np.ndarray, handled: bool) -> 
         inward=relations.inward(parts.surfaces, part),
         hinged=number in parts.hinged,
         static=not handled,
+        cut=cut,
     )

@@ -47,16 +47,17 @@ class Ground:
     """Above the support [m]."""
 
 
-def standing(parts: Grouping, cut: set[int]) -> set[int]:
+def standing(parts: Grouping, cut: set[int], sunk: set[int]) -> set[int]:
     """Numbers of the standing groups.
 
     Args:
         parts: All groups.
         cut: Numbers of groups that extend beyond the image; these and groups attached to them are excluded.
+        sunk: Numbers of groups whose foot is below the image, on the support that is seen beside them.
     """
     grounds = [Ground(parts.labels == 0, 0.0), *_levels(parts, cut)]
     free = sorted(set(parts.groups) - cut)
-    found = {number for number in free if _stands(parts, number, grounds)}
+    found = {number for number in free if number in sunk or _stands(parts, number, grounds)}
     attached = _attached(parts, cut, found)
     changed = True
     while changed:
@@ -66,6 +67,11 @@ def standing(parts: Grouping, cut: set[int]) -> set[int]:
                 found.add(number)
                 changed = True
     return found
+
+
+def on_support(parts: Grouping, number: int) -> bool:
+    """Whether a group's foot is seen on the support."""
+    return _stands(parts, number, [Ground(parts.labels == 0, 0.0)])
 
 
 def _attached(parts: Grouping, cut: set[int], on_floor: set[int]) -> set[int]:

@@ -58,6 +58,7 @@ def asset(
         collision=similar.collision(collision, sized),
         pose=pose,
         category=traits.category,
+        cut=traits.cut,
         asset_source=body.asset_source,
         scale=known,
         scale_sigma=scale_sigma,

@@ -90,3 +90,77 @@ def test_a_wall_alone_is_no_support(runner):
     with pytest.raises(RuleError, match="no support plane is in view") as caught:
         runner.run("align.support", **factories.shot(scene.capture))
     assert "m^2 tilted" in caught.value.facts["planes"]
+
+
+def level_before_wall(*things, eye=None):
+    """A table seen by a level camera, low above it, with a wall that fills most of the picture."""
+    wall = factories.box_mesh((-3, 0.45, -0.8), (3, 0.5, 2.0), colour=(0.9, 0.9, 0.85))
+    eye = factories.look_at((0.0, -0.5, 0.13), (0.0, 0.4, 0.12)) if eye is None else eye
+    return tabletops.tabletop((wall, factories.pose()), *things, eye=eye, noise=1.0)
+
+
+def test_a_wall_is_not_taken_for_the_table_of_a_level_camera(runner):
+    scene = level_before_wall((BOX, factories.pose(0.05, 0.0, yaw=0.4)))
+    support = runner.run("align.support", **factories.shot(scene.capture))
+    angle, offset = error_of(support, scene.world_from_camera)
+    assert angle < 1.0
+    assert offset < 4.0
+    assert not runner.outcome.warnings
+
+
+def two_tables():
+    """Two tables of one size, one 0.2 m above the other, with a box on each."""
+    other = factories.box_mesh((-0.95, -0.5, -0.27), (-0.05, 0.5, -0.2), colour=(0.3, 0.5, 0.3))
+    mine = factories.box_mesh((0.0, -0.5, -0.2), (0.9, 0.5, 0.0), colour=(0.65, 0.5, 0.35))
+    return tabletops.tabletop(
+        (mine, factories.pose()),
+        (other, factories.pose()),
+        (BOX, factories.pose(0.2, 0.0)),
+        (BOX, factories.pose(-0.3, 0.0, -0.2)),
+        eye=factories.look_at((0.0, -0.9, 0.75)),
+        half=0.001,
+        noise=1.0,
+    )
+
+
+def test_two_supports_in_doubt_are_told_with_the_line_that_chooses(runner):
+    shot = factories.shot(two_tables().capture)
+    first = runner.run("align.support", **shot).camera_pose.matrix[2, 3]
+    (warning,) = runner.outcome.warnings
+    assert "two surfaces may be the support" in warning
+    assert [caption for caption, _ in runner.outcome.previews] == [
+        "support (green), and another surface that may be it (orange)"
+    ]
+    at = [int(number) for number in warning.split("at_px: [")[1].split("]")[0].split(",")]
+    second = runner.run("align.support", **shot, options={"at_px": at}).camera_pose.matrix[2, 3]
+    assert abs(first - second) == pytest.approx(0.2, abs=0.005)
+    assert not runner.outcome.warnings
+
+
+def test_a_stated_pixel_without_a_surface_is_refused(runner):
+    scene = tabletops.tabletop((tabletops.box(0.3, 0.3, 0.3, (0.8, 0.2, 0.2)), factories.pose()), half=0.3)
+    assert scene.capture.measured is not None
+    depth = scene.capture.measured.depth.depth.copy()
+    depth[:80] = 0.0
+    capture = factories.rgbd(scene.capture.photograph.rgb.pixels, depth, scene.capture.photograph.camera)
+    with pytest.raises(RuleError, match="no flat surface is at the stated pixel") as caught:
+        runner.run("align.support", **factories.shot(capture), options={"at_px": [10, 5]})
+    assert caught.value.facts["at_px"] == "[10, 5]"
+
+
+def test_gravity_tells_a_level_table_from_a_leaning_board(runner):
+    """A board that leans towards the camera is larger than the table in front of it, and carries a ledge."""
+    lean = np.array([[1, 0, 0], [0, np.cos(0.7), -np.sin(0.7)], [0, np.sin(0.7), np.cos(0.7)]])
+    board = factories.box_mesh((-0.8, 0.0, -0.02), (0.8, 1.2, 0.0), colour=(0.4, 0.5, 0.6))
+    board = board.model_copy(update={"vertices": (board.vertices @ lean.T + [0, 0.12, 0]).astype(np.float32)})
+    scene = tabletops.tabletop((board, factories.pose()), (BOX, factories.pose(0.0, -0.1)), half=0.3, noise=1.0)
+    down = -scene.world_from_camera[2, :3]
+    photo, measured = scene.capture.photograph, scene.capture.measured
+    assert measured is not None
+    known = measured.model_copy(update={"gravity": tuple(float(x) for x in down)})
+    support = runner.run("align.support", photograph=photo, measured=known)
+    assert error_of(support, scene.world_from_camera)[0] < 0.5
+    wrong = measured.model_copy(update={"gravity": tuple(float(-x) for x in down)})
+    with pytest.raises(RuleError, match="no support plane is in view") as caught:
+        runner.run("align.support", photograph=photo, measured=wrong)
+    assert "negate `gravity`" in (caught.value.hint or "")

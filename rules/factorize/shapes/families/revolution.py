@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from dextera_build.geometry.revolution import vertical_axis
+
 from ..evidence import Evidence
 from .box import SMALLEST_M
 
@@ -19,15 +21,7 @@ def axis(evidence: Evidence) -> tuple[np.ndarray, float]:
         middle = np.median(evidence.points[:, :2], axis=0)
         return middle, float(np.quantile(np.linalg.norm(evidence.points[:, :2] - middle, axis=1), 0.95))
     points, normals = evidence.points[side, :2], evidence.normals[side, :2] / level[side, None]
-    rows = np.stack([normals[:, 1], -normals[:, 0]], axis=-1)
-    right = (rows * points).sum(axis=1)
-    weight = np.ones(len(points))
-    centre = points.mean(axis=0)
-    for _ in range(15):
-        # A weak pull towards the points keeps flat fronts, whose normals are parallel, from diverging.
-        normal = (rows * weight[:, None]).T @ rows + 1e-3 * len(points) * np.eye(2)
-        centre = np.linalg.solve(normal, (rows * weight[:, None]).T @ right + 1e-3 * len(points) * points.mean(axis=0))
-        weight = 1.0 / (1.0 + ((rows @ centre - right) / 0.004) ** 2)
+    centre = vertical_axis(points, normals)
     return centre, float(np.median(np.linalg.norm(points - centre, axis=1)))
 
 

@@ -54,7 +54,7 @@ def test_what_is_nearer_beside_an_object_may_hide_it():
 def flat_relief(raised: np.ndarray, valid: np.ndarray, points: np.ndarray) -> object:
     height = np.where(raised, 0.05, 0.0)
     threshold = np.full(raised.shape, 0.006)
-    return heights.Relief(points, height, valid, threshold, raised & valid, valid)
+    return heights.Relief(points, height, valid, threshold, raised & valid, valid, ~valid)
 
 
 def ring() -> tuple[np.ndarray, np.ndarray]:

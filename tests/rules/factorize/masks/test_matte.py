@@ -19,7 +19,9 @@ def relief(measured: np.ndarray) -> Relief:
     height = np.where(DISC & ~HOLE, 0.03, 0.0)
     points = np.stack([COLUMNS * 0.001, ROWS * 0.001, height], axis=-1)
     threshold = np.full(DISC.shape, 0.005)
-    return Relief(points, np.where(measured, height, 0.0), measured, threshold, measured & DISC & ~HOLE, measured)
+    return Relief(
+        points, np.where(measured, height, 0.0), measured, threshold, measured & DISC & ~HOLE, measured, ~measured
+    )
 
 
 def picture(hole: tuple[int, int, int]) -> np.ndarray:

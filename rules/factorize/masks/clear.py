@@ -1,0 +1,139 @@
+"""Clear and shiny things on the support: where depth is missing, or is of what is behind, and the picture has outlines.
+
+Depth cameras see through glass, and nothing of mirrors. What remains of such a thing is scraps, which are no bodies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.geometry import regions
+
+from ..measured import Workspace
+from ..overlap import Box, box_of
+from ..regions import proposals
+from ..regions.heights import least_height
+
+SINKS_M = 0.004
+"""Points lower than this, in addition to the noise, are seen through something [m]."""
+LEAST_M2 = 0.0012
+"""Smallest area of a clear thing on the support [m^2]."""
+THICK_M = 0.008
+"""Least half width of a clear thing; the band without depth beside an object is narrower [m]."""
+OUTLINED = 0.15
+"""Fraction of the pixels of a clear thing that differ from the support, in colour or by an edge."""
+UNLIKE_LAB = 12.0
+"""Distance of a colour from all colours of the support nearby [CIE Lab]."""
+EDGY = 0.98
+"""Quantile of the strength of the support's edges; an outline is half as strong again."""
+AROUND_PX = 40
+"""Distance within which the support's colours are compared [px]."""
+SCRAP = 0.35
+"""Fraction of an object's surroundings that is clear if the object is a scrap of a clear thing."""
+BESIDE = 0.4
+"""Fraction of its surroundings above which a region without depth belongs to the objects beside it."""
+RING_PX = 4
+"""Width of the surroundings [px]."""
+
+
+@dataclass(frozen=True)
+class Clear:
+    """A clear or shiny thing."""
+
+    mask: np.ndarray
+    """(H, W) bool, its pixels, with those of its scraps."""
+    without: float
+    """Fraction of them that have no depth, or that of something behind."""
+    scraps: tuple[str, ...]
+    """Objects that are scraps of it."""
+
+    @property
+    def box(self) -> Box:
+        """left, top, right, bottom [px], right and bottom excluded."""
+        return box_of(self.mask)
+
+
+def clear_things(seen: Workspace, masks: Mapping[str, np.ndarray]) -> list[Clear]:
+    """Clear and shiny things on the support, from the left.
+
+    Args:
+        seen: The photograph with its depth.
+        masks: Name -> pixels (H, W) bool of the objects that were found.
+    """
+    from scipy import ndimage
+
+    odd, area = _odd(seen)
+    scraps = {name: mask for name, mask in masks.items() if _ring(mask, odd) > SCRAP and not _is_solid(mask, odd, area)}
+    taken = np.zeros(odd.shape, bool)
+    for name, mask in masks.items():
+        taken |= mask if name not in scraps else False
+    holes = ndimage.binary_opening(odd & ~ndimage.binary_dilation(taken, iterations=2), np.ones((3, 3), bool))
+    own = holes.copy()
+    for mask in scraps.values():
+        own |= mask
+    labels, count = regions.label(ndimage.binary_closing(np.pad(own, 6), np.ones((5, 5), bool))[6:-6, 6:-6])
+    found = []
+    for number in range(1, count + 1):
+        mask = labels == number
+        if float(area[mask & odd].sum()) < LEAST_M2 or not _is_thick(mask, area) or _ring(mask, taken) > BESIDE:
+            continue
+        if _outlined(seen, mask, odd | taken) > OUTLINED:
+            names = tuple(name for name, scrap in scraps.items() if (scrap & mask).sum() > 0.5 * scrap.sum())
+            found.append(Clear(mask, float(odd[mask].mean()), names))
+    return sorted(found, key=lambda thing: thing.box)
+
+
+def _odd(seen: Workspace) -> tuple[np.ndarray, np.ndarray]:
+    """Pixels (H, W) bool without depth over the support, or with depth below it, and the area of each [m^2]."""
+    depth = seen.depth.astype(np.float64)
+    over, expected = seen.over_support()
+    low = (depth > 0) & (seen.world_points()[..., 2] < -SINKS_M - least_height(expected))
+    odd = over & ((depth <= 0) | low)
+    if seen.robot is not None:
+        odd &= ~seen.robot
+    return odd, np.where(over, np.square(expected) / (seen.camera.fx * seen.camera.fy), 0.0)
+
+
+def _is_solid(mask: np.ndarray, odd: np.ndarray, area: np.ndarray) -> bool:
+    """Whether an object is larger than the regions without depth that touch it."""
+    from scipy import ndimage
+
+    labels, _ = regions.label(odd & ~mask)
+    beside = np.unique(labels[ndimage.binary_dilation(mask, iterations=RING_PX)])
+    return float(area[np.isin(labels, beside[beside > 0])].sum()) < float(area[mask].sum())
+
+
+def _ring(mask: np.ndarray, other: np.ndarray) -> float:
+    """Fraction of the surroundings of a mask that another one covers."""
+    from scipy import ndimage
+
+    ring = ndimage.binary_dilation(mask, iterations=RING_PX) & ~mask
+    return float(other[ring].mean()) if ring.any() else 0.0
+
+
+def _is_thick(mask: np.ndarray, area: np.ndarray) -> bool:
+    from scipy import ndimage
+
+    inside = float(ndimage.distance_transform_edt(np.pad(mask, 1)).max())
+    return inside * float(np.sqrt(np.median(area[mask]))) > THICK_M
+
+
+def _outlined(seen: Workspace, mask: np.ndarray, not_support: np.ndarray) -> float:
+    """Fraction of the pixels of a mask whose colour the support beside it lacks, or that are sharper than its edges."""
+    from scipy import ndimage
+    from scipy.spatial import cKDTree
+
+    around = ndimage.binary_dilation(mask, iterations=AROUND_PX) & ~ndimage.binary_dilation(mask, iterations=RING_PX)
+    beside = around & ~not_support & seen.over_support()[0]
+    beside &= np.abs(seen.world_points()[..., 2]) < least_height(seen.depth.astype(np.float64))
+    if not beside.any():
+        return 0.0
+    lab = proposals.colour_lab(seen.pixels)
+    smooth = ndimage.gaussian_filter(lab[..., 0], 1.0)
+    edge = np.hypot(ndimage.sobel(smooth, axis=0), ndimage.sobel(smooth, axis=1))
+    samples = lab[beside][:: max(1, int(beside.sum()) // 2000)]
+    unlike = cKDTree(samples).query(lab[mask])[0] > UNLIKE_LAB
+    return float((unlike | (edge[mask] > 1.5 * np.quantile(edge[beside], EDGY))).mean())
