@@ -84,7 +84,11 @@ def of_depth(
 
     turns = 0 if options.up == "auto" else SIDES.index(options.up)
     found, points = look(turns)
-    if known is not None and not known.measured and not any(_is_level(s, turned_up(turns)) for s in found):
+    if (
+        known is not None
+        and not known.measured
+        and choice.choose(found, options.smallest_m2, up=turned_up(turns)) is None
+    ):
         up = None
     if options.at_px is not None:
         best = _stated(ctx, [upright.turned(s.region, -turns) for s in found], found, options.at_px)
@@ -100,10 +104,6 @@ def of_depth(
     if best is None:
         _refuse(ctx, found, turned_up(turns), options)
     return Candidates(turns, points, best, choice.rival(found, best, options.smallest_m2, up=turned_up(turns)))
-
-
-def _is_level(surface: Surface, up: np.ndarray | None) -> bool:
-    return up is None or float(surface.plane[0] @ up) > choice.LEVEL
 
 
 def _stated(ctx: Context, regions: list[np.ndarray], found: list[Surface], at: tuple[int, int]) -> Surface:

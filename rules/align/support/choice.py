@@ -28,7 +28,7 @@ UPRIGHT = 0.8
 WALL = 0.1
 """Weight of a surface seen frontally that is square to one that points up and carries something."""
 DOUBTED = 0.5
-"""Weight, relative to that of the chosen surface, from which another one may be the support."""
+"""Weight and pixels of things, relative to those of the chosen surface, from which another one may be the support."""
 APART_M = 0.03
 """Parallel surfaces whose planes are nearer than this are no alternatives [m]."""
 HIGHER_M = 0.3
@@ -66,7 +66,7 @@ def rival(
     """
     score = partial(weight, found=found, turns=turns, up=up)
     others = [s for s in _fit(found, smallest_m2, turns, up) if _differs(s, best) and s.carried >= CARRIES]
-    others = [s for s in others if score(s) > DOUBTED * score(best)]
+    others = [s for s in others if score(s) > DOUBTED * score(best) and _load(s) > DOUBTED * _load(best)]
     return max(others, key=score, default=None)
 
 
@@ -116,6 +116,10 @@ def _is_wall(surface: Surface, other: Surface, turns: int) -> bool:
 
 def _upright(surface: Surface, turns: int) -> np.ndarray:
     return np.asarray(upright.turned_from_camera(turns)[:3, :3] @ surface.plane[0])
+
+
+def _load(surface: Surface) -> float:
+    return surface.carried * float(surface.region.sum())
 
 
 def _differs(one: Surface, other: Surface) -> bool:

@@ -16,6 +16,8 @@ FOOT_M = 0.03
 """What stands on a surface is seen from at most this height above it [m]."""
 LARGEST_M = 0.6
 """Larger things are furniture [m]."""
+MAIN = 0.2
+"""A surface with fewer pixels than this, relative to the largest one, may be the face of a thing."""
 PARALLEL = np.cos(np.radians(10.0))
 """Cosine of the angle up to which two surfaces are parallel."""
 THIN = 2
@@ -25,8 +27,8 @@ THIN = 2
 def loaded(found: list[Surface], points: np.ndarray, valid: np.ndarray) -> list[Surface]:
     """The surfaces with the pixels of what stands on each, relative to its own.
 
-    A thing is a connected region above the surface's outline that is no part of another surface, reaches down to
-    it, and is not larger than furniture. What stands on a surface above another one counts for
+    A thing is a connected region above the surface's outline that is no part of another large surface, reaches
+    down to it, and is not larger than furniture. What stands on a surface above another one counts for
     the upper one.
 
     Args:
@@ -37,8 +39,11 @@ def loaded(found: list[Surface], points: np.ndarray, valid: np.ndarray) -> list[
     coarse, seen = points[::THIN, ::THIN], valid[::THIN, ::THIN]
     sigma = GATE * planes.depth_sigma(coarse[..., 2])
     own = np.zeros(seen.shape, bool)
+    most = max((int(surface.region.sum()) for surface in found), default=0)
     for surface in found:
-        own |= surface.region[::THIN, ::THIN]
+        # Faces of cartons are flat, too.
+        if float(np.ptp(surface.outline, axis=0).max()) > LARGEST_M and surface.region.sum() > MAIN * most:
+            own |= surface.region[::THIN, ::THIN]
     above = [seen & ~own & _above(surface, coarse, sigma) for surface in found]
     result = []
     for number, surface in enumerate(found):
@@ -65,6 +70,7 @@ def _standing(above: np.ndarray, height: np.ndarray, points: np.ndarray, sigma: 
     for number in range(1, count + 1):
         thing = labels == number
         low = float(np.quantile(height[thing] - sigma[thing], 0.02))
-        if low < FOOT_M and float(np.ptp(points[thing], axis=0).max()) < LARGEST_M:
+        extent = np.ptp(np.quantile(points[thing], (0.02, 0.98), axis=0), axis=0)
+        if low < FOOT_M and float(extent.max()) < LARGEST_M:
             total += int(thing.sum())
     return total

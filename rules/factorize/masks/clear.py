@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.geometry import regions
+from dextera_build.geometry import cameras, regions, transforms
 
 from ..measured import Workspace
 from ..overlap import Box, box_of
@@ -33,6 +33,8 @@ AROUND_PX = 40
 """Distance within which the support's colours are compared [px]."""
 SCRAP = 0.35
 """Fraction of an object's surroundings that is clear if the object is a scrap of a clear thing."""
+LARGEST_M = 0.4
+"""Larger regions without depth are parts of the support [m]."""
 BESIDE = 0.4
 """Fraction of its surroundings above which a region without depth belongs to the objects beside it."""
 RING_PX = 4
@@ -65,7 +67,7 @@ def clear_things(seen: Workspace, masks: Mapping[str, np.ndarray]) -> list[Clear
     """
     from scipy import ndimage
 
-    odd, area = _odd(seen)
+    odd, area, places = _odd(seen)
     scraps = {name: mask for name, mask in masks.items() if _ring(mask, odd) > SCRAP and not _is_solid(mask, odd, area)}
     taken = np.zeros(odd.shape, bool)
     for name, mask in masks.items():
@@ -78,7 +80,10 @@ def clear_things(seen: Workspace, masks: Mapping[str, np.ndarray]) -> list[Clear
     found = []
     for number in range(1, count + 1):
         mask = labels == number
-        if float(area[mask & odd].sum()) < LEAST_M2 or not _is_thick(mask, area) or _ring(mask, taken) > BESIDE:
+        extent = float(np.ptp(places[mask], axis=0).max())
+        if float(area[mask & odd].sum()) < LEAST_M2 or extent > LARGEST_M:
+            continue
+        if not _is_thick(mask, area) or _ring(mask, taken) > BESIDE:
             continue
         if _outlined(seen, mask, odd | taken) > OUTLINED:
             names = tuple(name for name, scrap in scraps.items() if (scrap & mask).sum() > 0.5 * scrap.sum())
@@ -86,15 +91,19 @@ def clear_things(seen: Workspace, masks: Mapping[str, np.ndarray]) -> list[Clear
     return sorted(found, key=lambda thing: thing.box)
 
 
-def _odd(seen: Workspace) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels (H, W) bool without depth over the support, or with depth below it, and the area of each [m^2]."""
+def _odd(seen: Workspace) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pixels (H, W) bool without depth over the support, or with depth below it.
+
+    Also the area of the support in each [m^2], and its place there (H, W, 2) [m].
+    """
     depth = seen.depth.astype(np.float64)
     over, expected = seen.over_support()
     low = (depth > 0) & (seen.world_points()[..., 2] < -SINKS_M - least_height(expected))
     odd = over & ((depth <= 0) | low)
     if seen.robot is not None:
         odd &= ~seen.robot
-    return odd, np.where(over, np.square(expected) / (seen.camera.fx * seen.camera.fy), 0.0)
+    places = transforms.apply(seen.world_from_camera, cameras.backproject(expected, seen.k))[..., :2]
+    return odd, np.where(over, np.square(expected) / (seen.camera.fx * seen.camera.fy), 0.0), places
 
 
 def _is_solid(mask: np.ndarray, odd: np.ndarray, area: np.ndarray) -> bool:

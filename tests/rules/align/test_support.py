@@ -8,6 +8,7 @@ import pytest
 from dextera_build.errors import RuleError
 from dextera_build.geometry import regions, transforms
 from dextera_build.testing import RuleRunner
+from rules.align.support import choice, surfaces
 from tests import factories, tabletops
 
 BOX = tabletops.box(0.1, 0.08, 0.15, (0.8, 0.2, 0.2))
@@ -95,7 +96,7 @@ def test_a_wall_alone_is_no_support(runner):
 def level_before_wall(*things, eye=None):
     """A table seen by a level camera, low above it, with a wall that fills most of the picture."""
     wall = factories.box_mesh((-3, 0.45, -0.8), (3, 0.5, 2.0), colour=(0.9, 0.9, 0.85))
-    eye = factories.look_at((0.0, -0.5, 0.13), (0.0, 0.4, 0.12)) if eye is None else eye
+    eye = factories.look_at((0.0, -0.5, 0.08), (0.0, 0.4, 0.1)) if eye is None else eye
     return tabletops.tabletop((wall, factories.pose()), *things, eye=eye, noise=1.0)
 
 
@@ -148,19 +149,52 @@ def test_a_stated_pixel_without_a_surface_is_refused(runner):
     assert caught.value.facts["at_px"] == "[10, 5]"
 
 
-def test_gravity_tells_a_level_table_from_a_leaning_board(runner):
-    """A board that leans towards the camera is larger than the table in front of it, and carries a ledge."""
-    lean = np.array([[1, 0, 0], [0, np.cos(0.7), -np.sin(0.7)], [0, np.sin(0.7), np.cos(0.7)]])
-    board = factories.box_mesh((-0.8, 0.0, -0.02), (0.8, 1.2, 0.0), colour=(0.4, 0.5, 0.6))
-    board = board.model_copy(update={"vertices": (board.vertices @ lean.T + [0, 0.12, 0]).astype(np.float32)})
-    scene = tabletops.tabletop((board, factories.pose()), (BOX, factories.pose(0.0, -0.1)), half=0.3, noise=1.0)
-    down = -scene.world_from_camera[2, :3]
+def flat(normal: tuple[float, float, float], height: float, pixels: int, carried: float) -> surfaces.Surface:
+    """A square of 1 m^2, `pixels` of it seen, at `height` below the camera along its normal [m]."""
+    region = np.zeros(1000, bool)
+    region[:pixels] = True
+    square = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+    return surfaces.Surface((np.array(normal), height), region.reshape(20, 50), square, 0.0, carried)
+
+
+def test_gravity_tells_a_level_table_from_a_leaning_board():
+    table, board = flat((0.0, -0.8, -0.6), 0.5, 300, 0.1), flat((0.0, -0.2, -0.98), 0.9, 500, 0.1)
+    assert choice.choose([table, board], 0.02) is board
+    assert choice.rival([table, board], board, 0.02) is table
+    up = np.array([0.0, -0.8, -0.6])
+    assert choice.choose([table, board], 0.02, up=up) is table
+    assert choice.rival([table, board], table, 0.02, up=up) is None
+    assert choice.choose([table, board], 0.02, up=-up) is None
+
+
+def test_the_support_carries_something():
+    """A small table is before a large floor, and before the empty seat of a chair beside it."""
+    table, seat = flat((0.0, -0.8, -0.6), 0.75, 100, 0.2), flat((0.0, -0.8, -0.6), 0.95, 250, 0.0)
+    floor = flat((0.0, -0.8, -0.6), 1.45, 380, 0.0)
+    assert choice.choose([floor, seat, table], 0.02) is table
+
+
+def test_gravity_of_the_wrong_sign_is_told(runner):
+    scene = tabletops.tabletop((BOX, factories.pose()), noise=1.0)
     photo, measured = scene.capture.photograph, scene.capture.measured
     assert measured is not None
-    known = measured.model_copy(update={"gravity": tuple(float(x) for x in down)})
-    support = runner.run("align.support", photograph=photo, measured=known)
-    assert error_of(support, scene.world_from_camera)[0] < 0.5
-    wrong = measured.model_copy(update={"gravity": tuple(float(-x) for x in down)})
+    down = tuple(-float(x) for x in scene.world_from_camera[2, :3])
+    right = measured.model_copy(update={"gravity": down})
+    found = runner.run("align.support", photograph=photo, measured=right)
+    assert runner.encode(found) == runner.encode(runner.run("align.support", photograph=photo, measured=measured))
+    wrong = measured.model_copy(update={"gravity": tuple(-x for x in down)})
     with pytest.raises(RuleError, match="no support plane is in view") as caught:
         runner.run("align.support", photograph=photo, measured=wrong)
     assert "negate `gravity`" in (caught.value.hint or "")
+
+
+def test_the_base_of_a_robot_tells_what_is_level_if_it_stands_on_a_surface(runner):
+    scene = tabletops.tabletop((BOX, factories.pose()), noise=1.0)
+    base = transforms.invert(scene.world_from_camera)
+    shot = factories.shot(scene.capture)
+    plain = runner.run("align.support", **shot)
+    upright = runner.run("align.support", **shot, robot=factories.placed(base, "base", "camera"))
+    askew = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
+    tilted = base @ transforms.rigid(askew, np.zeros(3))
+    leaning = runner.run("align.support", **shot, robot=factories.placed(tilted, "base", "camera"))
+    assert runner.encode(plain) == runner.encode(upright) == runner.encode(leaning)

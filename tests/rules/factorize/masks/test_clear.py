@@ -1,0 +1,87 @@
+"""Glasses: depth of the table behind them or none, and an outline in the picture."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import ndimage
+
+from dextera_build.artifacts.cameras.camera import Capture
+from dextera_build.testing import RuleRunner
+from tests import factories, tabletops
+
+BOX = (tabletops.box(0.1, 0.08, 0.15, (0.8, 0.2, 0.2)), factories.pose(-0.15, 0.0, yaw=0.4))
+GLASS = (tabletops.cylinder(0.035, 0.12, (0.9, 0.9, 0.9)), factories.pose(0.12, 0.0))
+
+
+def with_glass(*, seen_through: float, scrap: bool = False) -> tuple[Capture, np.ndarray]:
+    """A box and a glass, and the pixels of the glass.
+
+    Args:
+        seen_through: Fraction of its pixels with the depth of the table behind it, longer by refraction; the others
+            have none.
+        scrap: A patch of its wall has depth.
+    """
+    empty = tabletops.tabletop(BOX, lens=tabletops.FINE)
+    full = tabletops.tabletop(BOX, GLASS, lens=tabletops.FINE)
+    glass = full.labels.labels == 2
+    assert empty.capture.measured is not None
+    assert full.capture.measured is not None
+    rng = np.random.default_rng(1)
+    behind = empty.capture.measured.depth.depth
+    through = ndimage.uniform_filter(rng.random(glass.shape), 9) < 0.5 + 0.2 * (seen_through - 0.5)
+    depth = np.where(glass, np.where(through, 1.05 * behind, 0.0), behind)
+    if scrap:
+        rows, columns = np.nonzero(glass)
+        patch = np.zeros_like(glass)
+        patch[int(rows.mean()) - 18 : int(rows.mean()) + 18, int(columns.mean()) - 12 : int(columns.mean()) + 12] = True
+        depth = np.where(glass & patch, full.capture.measured.depth.depth, depth)
+    # The wall mirrors the lamp beside its outline, and is clear in the middle.
+    rim = glass & ~ndimage.binary_erosion(glass, iterations=4)
+    own, table = full.capture.photograph.rgb.pixels, empty.capture.photograph.rgb.pixels
+    pixels = np.where(rim[..., None], own, table)
+    return factories.rgbd(pixels, depth.astype(np.float32), full.capture.photograph.camera), glass
+
+
+def segmented(runner: RuleRunner, capture: Capture):
+    shot = factories.shot(capture)
+    support = runner.run("align.support", **shot)
+    elements = runner.run("factorize.parse", **shot, support=support)
+    return runner.run("factorize.segment", **shot, support=support, elements=elements)
+
+
+def place(warning: str) -> tuple[int, ...]:
+    return tuple(int(number) for number in warning.split("box [")[1].split("]")[0].split(","))
+
+
+def test_a_glass_is_told_with_its_place_and_a_picture(tmp_path):
+    capture, glass = with_glass(seen_through=0.5)
+    runner = RuleRunner(tmp_path)
+    found = segmented(runner, capture)
+    assert len(found.names) == 1
+    (warning,) = [text for text in runner.outcome.warnings if "clear or shiny" in text]
+    left, top, right, bottom = place(warning)
+    rows, columns = np.nonzero(glass)
+    assert abs(np.array([left, top, right, bottom]) - [columns.min(), rows.min(), columns.max(), rows.max()]).max() < 20
+    assert runner.outcome.previews[0][0] == "clear or shiny things, which are no bodies"
+
+
+def test_what_is_left_of_a_glass_is_no_body(tmp_path):
+    capture, glass = with_glass(seen_through=0.0, scrap=True)
+    runner = RuleRunner(tmp_path)
+    found = segmented(runner, capture)
+    assert len(found.names) == 1
+    assert not glass[found.map.labels == 1].any()
+    (warning,) = [text for text in runner.outcome.warnings if "clear or shiny" in text]
+    assert "which is a part of it, is no body" in warning
+
+
+def test_lost_depth_beside_things_or_on_the_bare_table_is_no_thing(tmp_path):
+    scene = tabletops.tabletop(BOX, lens=tabletops.FINE)
+    assert scene.capture.measured is not None
+    depth = scene.capture.measured.depth.depth.copy()
+    box = scene.labels.labels == 1
+    depth[ndimage.shift(box, (0, -12), order=0) & ~box] = 0.0
+    depth[300:340, 400:440] = 0.0
+    runner = RuleRunner(tmp_path)
+    segmented(runner, factories.rgbd(scene.capture.photograph.rgb.pixels, depth, scene.capture.photograph.camera))
+    assert not [text for text in runner.outcome.warnings if "clear or shiny" in text]
