@@ -10,6 +10,7 @@ from dextera_build.artifacts.objects.view import Instance, Seen
 from dextera_build.geometry import cameras
 
 from ..shapes import evidence
+from .specks import why_speck
 
 SOLID = 0.76
 """Smallest fraction of the measured pixels inside the outline of a body with trusted depth. Depth cameras smear depth
@@ -34,7 +35,7 @@ def why_no_body(instance: Instance) -> str:
     cosine = (towards * seen.normals).sum(axis=1) / np.linalg.norm(towards, axis=1)
     if float(np.median(cosine)) < GRAZING:
         return "its depth follows the lines of sight, like depth smeared between two surfaces"
-    return ""
+    return why_speck(Seen(instance.view, instance.measured))
 
 
 def _solid(seen: evidence.Evidence) -> float:

@@ -197,9 +197,13 @@ def likeness(s: Surfaces, p: Group, q: Group) -> float:
 
 def colours(s: Surfaces, group: Group) -> np.ndarray:
     """Smoothed histogram (5, 8, 8) of a group's CIE Lab, of sum 1."""
+    return histogram(s.lab.reshape(-1, 3)[group.pixels])
+
+
+def histogram(lab: np.ndarray) -> np.ndarray:
+    """Smoothed histogram (5, 8, 8), of sum 1, of colours (N, 3) CIE Lab."""
     from scipy import ndimage
 
-    lab = s.lab.reshape(-1, 3)[group.pixels]
     bins = np.clip((lab - [0.0, -60.0, -60.0]) / [20.0, 15.0, 15.0], 0, [4, 7, 7]).astype(int)
     counts = np.bincount(np.ravel_multi_index(tuple(bins.T), (5, 8, 8)), minlength=320).reshape(5, 8, 8)
     smooth = ndimage.gaussian_filter(counts.astype(np.float64), 0.7)

@@ -33,7 +33,7 @@ def with_glass(*, seen_through: float, scrap: bool = False) -> tuple[Capture, np
     if scrap:
         rows, columns = np.nonzero(glass)
         patch = np.zeros_like(glass)
-        patch[int(rows.mean()) - 18 : int(rows.mean()) + 18, int(columns.mean()) - 12 : int(columns.mean()) + 12] = True
+        patch[int(rows.max()) - 44 :, int(columns.mean()) - 14 : int(columns.mean()) + 14] = True
         depth = np.where(glass & patch, full.capture.measured.depth.depth, depth)
     # The wall mirrors the lamp beside its outline, and is clear in the middle.
     rim = glass & ~ndimage.binary_erosion(glass, iterations=4)
