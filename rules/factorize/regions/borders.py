@@ -20,6 +20,8 @@ MOST = 0.6
 """Least fraction of a cut object in view at which it is an object."""
 BAND = 2
 """Objects nearer to the border than this are cut [px]."""
+LEAST_M2, LEAST_M = 0.0015, 0.025
+"""Least visible surface [m^2] and height [m] of an object at the border; smaller ones are ends of the support."""
 NARROW = 0.6
 """Largest extent of an object along the border, relative to its largest one parallel to it, at which a corner or a
 handle is cut off."""

@@ -131,6 +131,9 @@ def _cut(
         sides = borders.touched(mask)
         if sides:
             group = parts.groups[number]
+            shares[number] = 0.0
+            if group.area_m2 < borders.LEAST_M2 or group.top_m < borders.LEAST_M:
+                continue
             shares[number] = borders.in_view(parts.surfaces, group, mask, floor, seen)
             foot = borders.above_border(parts.surfaces, group, mask, floor) if borders.BOTTOM in sides else 0.0
             if _extent(relief, mask) <= LARGEST_M and (foot > 0.0 or on_support(parts, number)):
