@@ -69,7 +69,7 @@ class Opened:
             found.append(
                 f"headset by cable: `adb reverse tcp:{self.port} tcp:{self.port}`, then open the same address in it"
             )
-        return [*found, "Ctrl-C ends the session; takes are written as they are kept"]
+        return [*found, "Ctrl-C ends the session and discards a take that is running; takes are written as they are kept"]
 
     def code(self) -> str:
         """The address as a QR code for terminals."""
@@ -86,6 +86,8 @@ class Closed:
 
     out: Path
     takes: int
+    discarded: bool
+    """Whether the end discarded a take that was running."""
     head: bool
     """Whether the recording has a head."""
     own_share: str
@@ -98,6 +100,7 @@ class Closed:
     def lines(self) -> list[str]:
         """What to tell the user."""
         return [
+            *(["the take that was running was discarded"] if self.discarded else []),
             f"{self.takes} takes in {self.out}" if self.takes else "no take was kept",
             f"own share of the delay: {self.own_share}; processor time in it: {self.processor}",
             f"from the page and back to it: {self.whole_way}; round trip of the network: {self.round_trip}",
@@ -105,7 +108,7 @@ class Closed:
 
     def facts(self) -> dict[str, Any]:
         """The same as data."""
-        return {"recording": str(self.out), "takes": self.takes, **self.numbers}
+        return {"recording": str(self.out), "takes": self.takes, "discarded": self.discarded, **self.numbers}
 
 
 def run(wanted: Wanted, opened: Callable[[Opened], None]) -> Closed:
@@ -145,6 +148,7 @@ def run(wanted: Wanted, opened: Callable[[Opened], None]) -> Closed:
     return Closed(
         wanted.out,
         len(takes.kept),
+        session.discarded,
         bool(heads) and bool(np.isfinite(np.array(heads)).all(axis=1).any()),
         session.own_share.told(),
         session.processor.told(),

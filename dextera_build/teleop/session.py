@@ -93,6 +93,8 @@ class Session(threading.Thread):
         """What ended the thread, if it was no wish."""
         self.connected = False
         """Whether an operator's page is there."""
+        self.discarded = False
+        """Whether the end of the session discarded a take that was running."""
         self._wishes: list[str] = []
         self._number = 0
         self._numbers: list[int] = []
@@ -160,6 +162,7 @@ class Session(threading.Thread):
         if self.takes.unsaved:
             self._told = f"the recording is not written yet: {self.takes.unsaved}; free the disk and end again"
         else:
+            self._told = "the take that was running was discarded" if self.discarded else ""
             self._phase = "ended"
 
     def _do_undo(self) -> None:
@@ -201,7 +204,7 @@ class Session(threading.Thread):
         return ""
 
     def _take(self) -> None:
-        self._phase, self._command = "waiting", None
+        self._phase, self._command, self.discarded = "waiting", None, False
         lengths = self.measure.lengths_m()
         plan = self.plan
         live = LiveOperator(self.environment, self.own, lengths, plan.retargeting, self.inbox, self._check, plan.speed)
@@ -237,11 +240,15 @@ class Session(threading.Thread):
 
     def _check(self) -> None:
         """End the take by a wish, or because nothing comes any more."""
-        for what in self._wished():
-            if what in ("discard", "end"):
-                raise Ended("discarded")
-            if what == "finish" and self._live:
-                self._live.finish()
+        wishes = self._wished()
+        if "end" in wishes:
+            # The session ends after the take, which has not done the task.
+            self.discarded = True
+            self.wish("end")
+        if "end" in wishes or "discard" in wishes:
+            raise Ended("discarded")
+        if "finish" in wishes and self._live:
+            self._live.finish()
         live = self._live
         rows = live.rows if live else []
         if not rows and time.perf_counter() - self._preview > IDLE_S:

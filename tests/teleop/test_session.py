@@ -200,6 +200,34 @@ def test_discard_ends_a_take_and_finish_waits_for_the_robot_to_rest(live: Live) 
     assert not live.takes.path.exists()
 
 
+@pytest.mark.parametrize("moves", [False, True])
+def test_an_end_during_a_take_discards_it_and_ends_the_session(live: Live, moves: bool) -> None:
+    if moves:
+        begin(live)
+    else:
+        live.say(pages.wrists(0.0, 1))
+        live.until("measured", [1, 1])
+        live.session.inbox.take(0)
+        live.session.wish("start")
+        live.until("phase", "waiting")
+    live.session.wish("end")
+    ended = live.until("phase", "ended")
+    live.session.join(10)
+    assert not live.session.is_alive()
+    assert ended["told"] == "the take that was running was discarded"
+    assert live.session.discarded
+    assert not live.takes.path.exists()
+
+
+def test_an_end_between_takes_discards_nothing(live: Live) -> None:
+    begin(live)
+    live.session.wish("discard")
+    live.until("phase", "ready")
+    live.session.wish("end")
+    assert live.until("phase", "ended")["told"] == ""
+    assert not live.session.discarded
+
+
 def test_a_full_disk_starts_no_take(live: Live, monkeypatch: pytest.MonkeyPatch) -> None:
     usage = type(session.shutil.disk_usage("."))
     monkeypatch.setattr(session.shutil, "disk_usage", lambda path: usage(100, 100, 0))
