@@ -69,7 +69,10 @@ class Opened:
             found.append(
                 f"headset by cable: `adb reverse tcp:{self.port} tcp:{self.port}`, then open the same address in it"
             )
-        return [*found, "Ctrl-C ends the session and discards a take that is running; takes are written as they are kept"]
+        return [
+            *found,
+            "Ctrl-C ends the session and discards a take that is running; takes are written as they are kept",
+        ]
 
     def code(self) -> str:
         """The address as a QR code for terminals."""

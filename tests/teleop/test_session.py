@@ -12,9 +12,7 @@ from typing import Any
 import pytest
 
 from dextera_build.artifacts.robots.hand_stream import HandStream
-from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.artifacts.tasks.task import TaskBundle
-from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.live_operator import Message
 from dextera_build.sim.retarget.options import Retargeting
 from dextera_build.teleop import protocol, session
@@ -22,22 +20,10 @@ from dextera_build.teleop.session import Plan, Session
 from dextera_build.teleop.takes import Takes
 from dextera_build.testing import RuleRunner
 from tests import hand_tasks
-from tests.robots.robot_recipes import built
-from tests.teleop import operators, pages
+from tests.teleop import operators, pages, replays
+from tests.teleop.browsing import SPEED
 
 pytestmark = pytest.mark.slow
-SPEED = 0.3
-"""Slow motion, so that a machine that tests other things, too, keeps up."""
-
-
-@pytest.fixture(scope="module")
-def runner(tmp_path_factory: pytest.TempPathFactory) -> RuleRunner:
-    return RuleRunner(tmp_path_factory.mktemp("rules"))
-
-
-@pytest.fixture(scope="module")
-def lifting(runner: RuleRunner, tmp_path_factory: pytest.TempPathFactory) -> TaskBundle:
-    return hand_tasks.lift_can(runner, built("kuka_leap", tmp_path_factory.mktemp("robot")), [])
 
 
 class Live:
@@ -140,32 +126,15 @@ def test_a_take_replays_bit_for_bit_as_the_operator_saw_it(
 ) -> None:
     _, hands = hand_tasks.shown(runner, lifting, monkeypatch)
     live = opened(hands.takes[0].seed)
-    seen: list[Episode] = []
-    run = Driver.run
-
-    def kept(self: Driver, *words: Any, **named: Any) -> Episode:
-        seen.append(run(self, *words, **named))
-        return seen[-1]
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Driver, "run", kept)
+    with replays.watched(monkeypatch) as seen:
         demonstrate(live, hands)
         live.until("phase", "ready")
     assert live.states[-1]["kept"] == 1, [state["told"] for state in live.states[-5:]]
     assert len(live.session.own_share) > 20
     recording = HandStream.load(live.takes.path)
     assert recording.takes[0].finger_lengths_m[1] is not None
-    one, two = (
-        runner.run("demonstrate.operate", backend="hands", bundle=lifting, recording=recording) for _ in range(2)
-    )
-    for made in (one, two):
-        assert isinstance(made, Episodes)
-        (replayed,) = made.items.values()
-        for name in ("action", "executed", "hand"):
-            assert getattr(replayed, name).tobytes() == getattr(seen[0], name).tobytes(), name
-        assert {name: term.tobytes() for name, term in replayed.terms.items()} == {
-            name: term.tobytes() for name, term in seen[0].terms.items()
-        }
+    for _ in range(2):
+        replays.assert_same(runner, lifting, recording, seen)
 
 
 def test_hands_that_are_not_measured_start_nothing(live: Live) -> None:

@@ -37,6 +37,12 @@ export class Link {
     this.socket = socket;
   }
 
+  // What the operator holds or wears.
+  name(device) {
+    this.device = device;
+    this.send({ device });
+  }
+
   get open() { return this.socket.readyState === WebSocket.OPEN; }
 
   send(command) { if (this.open) this.socket.send(JSON.stringify(command)); }
