@@ -77,7 +77,8 @@ class Session(threading.Thread):
         self.plan, self.takes, self._publish = plan, takes, publish
         task = bundle.task
         patient = task.model_copy(update={"timeout_s": max(task.timeout_s, plan.limit_s)})
-        self.driver = Driver(running(bundle.model_copy(update={"task": patient})))
+        environment = running(bundle.model_copy(update={"task": patient}))
+        self.driver = Driver(environment, apart_m=plan.retargeting.apart_m)
         self.environment = self.driver.environment
         self.own = hands_of(bundle.robot)
         self.twin = twin_file.written(self.environment, self.own)
@@ -301,12 +302,14 @@ class Session(threading.Thread):
         self._publish(protocol.state(facts, data.xpos, data.xquat, joints))
 
     def _limits(self) -> list[str]:
-        """Joints whose targets are at their limits."""
+        """Joints whose targets are at their limits, and links that would come too near to each other."""
         target, near = self.environment.previous_action, 1e-3
         at = (target <= self.environment.lower + near) | (target >= self.environment.upper - near)
         arms = {name for limb in self.environment.bundle.robot.limbs.values() for name in limb.arm}
         joints = self.environment.bundle.robot.joints
-        return [joint.name for joint, met in zip(joints, at, strict=True) if met and joint.name in arms]
+        stopped = [joint.name for joint, met in zip(joints, at, strict=True) if met and joint.name in arms]
+        near = self.driver.control.met(self._command) if self._live and self._command else []
+        return stopped + [f"{one} near {other}" for one, other in near]
 
     def _hands_drawn(self) -> np.ndarray:
         """Joints (2, 25, 3) of the operator's hands in the base; NaN is sent as it is."""

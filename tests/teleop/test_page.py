@@ -60,7 +60,7 @@ def test_ten_takes_of_an_emulated_headset_replay_bit_for_bit(
     script = headsets.script(tmp_path)
     if script is None:
         pytest.skip("npm cannot get the emulated headset")
-    _, hands = hand_tasks.shown(runner, lifting, monkeypatch, episodes=TAKES)
+    _, hands = hand_tasks.shown(runner, lifting, monkeypatch, episodes=TAKES, takes=TAKES)
 
     async def use(page: Page, session: Session) -> None:
         await page.run(NO_PICTURES)
