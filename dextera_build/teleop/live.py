@@ -20,6 +20,7 @@ from dextera_build.teleop import certificate
 from dextera_build.teleop.server import Server
 from dextera_build.teleop.session import Plan, Session
 from dextera_build.teleop.takes import Takes
+from dextera_build.teleop.webcam import Webcam
 from dextera_build.view.server import shown
 
 SWITCH_S = 0.001
@@ -49,6 +50,8 @@ class Wanted:
     """Further origins whose pages may connect."""
     synthetic: bool
     """Whether a program moves the hands."""
+    webcam: Webcam | None = None
+    """What sees the hands; None: the operator's page."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +101,8 @@ class Closed:
     processor: str
     whole_way: str
     round_trip: str
+    camera: str
+    """From a picture to its hands; empty without a camera."""
     numbers: dict[str, Any]
 
     def lines(self) -> list[str]:
@@ -106,7 +111,9 @@ class Closed:
             *(["the take that was running was discarded"] if self.discarded else []),
             f"{self.takes} takes in {self.out}" if self.takes else "no take was kept",
             f"own share of the delay: {self.own_share}; processor time in it: {self.processor}",
-            f"from the page and back to it: {self.whole_way}; round trip of the network: {self.round_trip}",
+            f"from a picture to its hands: {self.camera}"
+            if self.camera
+            else f"from the page and back to it: {self.whole_way}; round trip of the network: {self.round_trip}",
         ]
 
     def facts(self) -> dict[str, Any]:
@@ -136,6 +143,8 @@ def run(wanted: Wanted, opened: Callable[[Opened], None]) -> Closed:
         opened(Opened(f"{scheme}://{host}:{port}{server.path()}", known, port))
 
     sys.setswitchinterval(SWITCH_S)
+    if wanted.webcam is not None:
+        wanted.webcam.feed(session)
     asyncio.run(_serve(server, session, wanted.port, ready))
     if session.error is not None:
         raise session.error
@@ -145,6 +154,8 @@ def run(wanted: Wanted, opened: Callable[[Opened], None]) -> Closed:
         "whole_way": server.whole_way,
         "round_trip": server.round_trip,
     }
+    if wanted.webcam is not None:
+        delays["camera"] = wanted.webcam.delay
     numbers: dict[str, Any] = {f"{name}_ms": _rounded(each.percentiles()) for name, each in delays.items()}
     numbers |= {"messages_dropped": session.inbox.dropped, "frames_refused": server.refused}
     heads = [message.head for kept in takes.kept for _, message in kept.rows]
@@ -157,6 +168,7 @@ def run(wanted: Wanted, opened: Callable[[Opened], None]) -> Closed:
         session.processor.told(),
         server.whole_way.told(),
         server.round_trip.told(),
+        wanted.webcam.delay.told() if wanted.webcam else "",
         numbers,
     )
 

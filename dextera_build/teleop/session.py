@@ -94,6 +94,8 @@ class Session(threading.Thread):
         """What ended the thread, if it was no wish."""
         self.connected = False
         """Whether an operator's page is there."""
+        self.camera = False
+        """Whether a camera shows the hands, and not the operator's page."""
         self.discarded = False
         """Whether the end of the session discarded a take that was running."""
         self._wishes: list[str] = []
@@ -298,6 +300,7 @@ class Session(threading.Thread):
             "heading": self.heading_rad,
             "scales": dict(self._scales),
             "unsaved": self.takes.unsaved,
+            "camera": self.camera,
         }
         self._publish(protocol.state(facts, data.xpos, data.xquat, joints))
 

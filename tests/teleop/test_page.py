@@ -54,6 +54,7 @@ def test_keys_move_the_robot_and_the_page_shows_it(lifting: TaskBundle, tmp_path
     opened(lifting, tmp_path, "", (), use)
 
 
+@pytest.mark.timeout(2400)  # ten takes in slow motion
 def test_ten_takes_of_an_emulated_headset_replay_bit_for_bit(
     runner: RuleRunner, lifting: TaskBundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

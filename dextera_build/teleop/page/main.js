@@ -78,6 +78,7 @@ function onState(facts, numbers) {
     const thing = twin.bodies[twin.facts.object].getWorldPosition(new THREE.Vector3());
     orbit.middle.lerp(thing, 0.6);
     orbit.turn(0, 0);
+    if (facts.camera) for (const name of ["keys", "touch", "headset"]) document.getElementById(name).style.display = "none";
   }
   if (facts.phase !== phase) { keys.reset(); phase = facts.phase; }
   latest = facts;
@@ -110,7 +111,7 @@ setInterval(() => {
   const now = performance.now();
   const seconds = Math.min(0.1, (now - last) / 1000);
   last = now;
-  if (headset.active) return;
+  if (headset.active || latest?.camera) return;
   keys.step(seconds, touch);
   link.hands(keys.hands(touch));
 }, 15);
