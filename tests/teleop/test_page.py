@@ -96,8 +96,9 @@ async def demonstrate(page: Page, hands: HandStream, number: int) -> str:
     """Demonstrate a take, if it is not kept yet; what the session told."""
     if await page.run("session.facts.kept") == number:
         take = hands.takes[number]
-        await play(page, hands, *operators.opened(hands, number), 1.0)
-        await page.until("player.playing ? 0 : 1", 120)
+        # The take begins from the open hands, not from where the headset puts hands that nobody moves.
+        await play(page, hands, *operators.opened(hands, number), 0.2)
+        await page.until("session.facts.tracked[1] && session.facts.measured[1] === 1 ? 1 : 0")
         await page.run("session.link.send({do: 'start'})")
         await page.until("['waiting', 'taking'].includes(session.facts.phase) ? 1 : 0")
         await play(page, hands, take.first, take.last, SPEED)

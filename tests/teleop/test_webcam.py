@@ -93,6 +93,8 @@ def test_a_rendered_hand_is_found_where_it_moves(tmp_path: Path, capfd: pytest.C
     folder = readers.ENVIRONMENTS / "mediapipe"
     if not (folder / ".installed").exists():
         pytest.skip("needs .venv/readers/mediapipe; `make readers` makes it")
+    (tmp_path / "none.mp4").write_text("no film")
+    assert refused(tmp_path / "none.mp4", folder).code == "DXB-U338"
     way = np.concatenate([np.zeros(10), np.linspace(0, 1, 30), np.ones(20)])
     places = np.array([-0.05, 0.07, 0.5]) + way[:, None] * [0.10, -0.03, 0.0]
     angles = human_hand.open_angles() * 0.5 + 0.5 * np.deg2rad(posture.CLOSED_DEG)
