@@ -51,14 +51,14 @@ def lift_can(runner: RuleRunner, robot: RobotModel, limbs: list[str]) -> TaskBun
 
 
 def shown(
-    runner: RuleRunner, bundle: TaskBundle, monkeypatch: pytest.MonkeyPatch, **options: Any
+    runner: RuleRunner, bundle: TaskBundle, monkeypatch: pytest.MonkeyPatch, episodes: int = 1, **options: Any
 ) -> tuple[Episodes, HandStream]:
-    """An episode of the scripted operator, who rehearses little, and hands that would have moved the robot so."""
+    """Episodes of the scripted operator, who rehearses little, and hands that would have moved the robot so."""
     for module, name, value in ((planning, "PLANNED", 0), (candidates, "LOOKED", 0), (candidates, "FEW", 6)):
         monkeypatch.setattr(module, name, value)
     for name, value in (("GOOD", 1), ("FINAL", 1), ("STARTS", 1)):
         monkeypatch.setattr(rehearse, name, value)
-    script: Episodes = runner.run("demonstrate.operate", bundle=bundle, options={"episodes": 1})
+    script: Episodes = runner.run("demonstrate.operate", bundle=bundle, options={"episodes": episodes})
     options = {"unsteady": STEADY} | options
     hands: HandStream = runner.run("reference.hands", robot=bundle.robot, episodes=script, options=options)
     return script, hands

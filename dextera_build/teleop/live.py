@@ -20,6 +20,7 @@ from dextera_build.teleop import certificate
 from dextera_build.teleop.server import Server
 from dextera_build.teleop.session import Plan, Session
 from dextera_build.teleop.takes import Takes
+from dextera_build.teleop.webcam import Webcam
 from dextera_build.view.server import shown
 
 SWITCH_S = 0.001
@@ -49,6 +50,8 @@ class Wanted:
     """Further origins whose pages may connect."""
     synthetic: bool
     """Whether a program moves the hands."""
+    webcam: Webcam | None = None
+    """What sees the hands; None: the operator's page."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,10 @@ class Opened:
             found.append(
                 f"headset by cable: `adb reverse tcp:{self.port} tcp:{self.port}`, then open the same address in it"
             )
-        return [*found, "Ctrl-C ends the session; takes are written as they are kept"]
+        return [
+            *found,
+            "Ctrl-C ends the session and discards a take that is running; takes are written as they are kept",
+        ]
 
     def code(self) -> str:
         """The address as a QR code for terminals."""
@@ -86,6 +92,8 @@ class Closed:
 
     out: Path
     takes: int
+    discarded: bool
+    """Whether the end discarded a take that was running."""
     head: bool
     """Whether the recording has a head."""
     own_share: str
@@ -93,19 +101,24 @@ class Closed:
     processor: str
     whole_way: str
     round_trip: str
+    camera: str
+    """From a picture to its hands; empty without a camera."""
     numbers: dict[str, Any]
 
     def lines(self) -> list[str]:
         """What to tell the user."""
         return [
+            *(["the take that was running was discarded"] if self.discarded else []),
             f"{self.takes} takes in {self.out}" if self.takes else "no take was kept",
             f"own share of the delay: {self.own_share}; processor time in it: {self.processor}",
-            f"from the page and back to it: {self.whole_way}; round trip of the network: {self.round_trip}",
+            f"from a picture to its hands: {self.camera}"
+            if self.camera
+            else f"from the page and back to it: {self.whole_way}; round trip of the network: {self.round_trip}",
         ]
 
     def facts(self) -> dict[str, Any]:
         """The same as data."""
-        return {"recording": str(self.out), "takes": self.takes, **self.numbers}
+        return {"recording": str(self.out), "takes": self.takes, "discarded": self.discarded, **self.numbers}
 
 
 def run(wanted: Wanted, opened: Callable[[Opened], None]) -> Closed:
@@ -130,6 +143,8 @@ def run(wanted: Wanted, opened: Callable[[Opened], None]) -> Closed:
         opened(Opened(f"{scheme}://{host}:{port}{server.path()}", known, port))
 
     sys.setswitchinterval(SWITCH_S)
+    if wanted.webcam is not None:
+        wanted.webcam.feed(session)
     asyncio.run(_serve(server, session, wanted.port, ready))
     if session.error is not None:
         raise session.error
@@ -139,17 +154,21 @@ def run(wanted: Wanted, opened: Callable[[Opened], None]) -> Closed:
         "whole_way": server.whole_way,
         "round_trip": server.round_trip,
     }
+    if wanted.webcam is not None:
+        delays["camera"] = wanted.webcam.delay
     numbers: dict[str, Any] = {f"{name}_ms": _rounded(each.percentiles()) for name, each in delays.items()}
     numbers |= {"messages_dropped": session.inbox.dropped, "frames_refused": server.refused}
     heads = [message.head for kept in takes.kept for _, message in kept.rows]
     return Closed(
         wanted.out,
         len(takes.kept),
+        session.discarded,
         bool(heads) and bool(np.isfinite(np.array(heads)).all(axis=1).any()),
         session.own_share.told(),
         session.processor.told(),
         server.whole_way.told(),
         server.round_trip.told(),
+        wanted.webcam.delay.told() if wanted.webcam else "",
         numbers,
     )
 

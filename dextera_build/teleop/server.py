@@ -193,6 +193,8 @@ class Server:
                     await connection.close(RATE, f"more than {MOST_HZ:g} messages per second")
                 continue
             if isinstance(data, bytes):
+                if self.session.camera:
+                    continue  # hands come from elsewhere
                 self.session.inbox.put(partial(self._read, data, arrived))
                 continue
             try:
@@ -228,6 +230,8 @@ class Server:
         if command.get("do") in WISHES:
             self.session.wish(command["do"])
         elif "device" in command:
+            if self.session.camera:
+                return None
             letters = [letter for letter in str(command["device"])[:160] if letter.isprintable()]
             self.session.takes.device = "".join(letters).strip() or "not known"
         elif "way" in command or "trip" in command:

@@ -77,7 +77,8 @@ class Session(threading.Thread):
         self.plan, self.takes, self._publish = plan, takes, publish
         task = bundle.task
         patient = task.model_copy(update={"timeout_s": max(task.timeout_s, plan.limit_s)})
-        self.driver = Driver(running(bundle.model_copy(update={"task": patient})))
+        environment = running(bundle.model_copy(update={"task": patient}))
+        self.driver = Driver(environment, apart_m=plan.retargeting.apart_m)
         self.environment = self.driver.environment
         self.own = hands_of(bundle.robot)
         self.twin = twin_file.written(self.environment, self.own)
@@ -93,6 +94,10 @@ class Session(threading.Thread):
         """What ended the thread, if it was no wish."""
         self.connected = False
         """Whether an operator's page is there."""
+        self.camera = False
+        """Whether a camera shows the hands, and not the operator's page."""
+        self.discarded = False
+        """Whether the end of the session discarded a take that was running."""
         self._wishes: list[str] = []
         self._number = 0
         self._numbers: list[int] = []
@@ -160,6 +165,7 @@ class Session(threading.Thread):
         if self.takes.unsaved:
             self._told = f"the recording is not written yet: {self.takes.unsaved}; free the disk and end again"
         else:
+            self._told = "the take that was running was discarded" if self.discarded else ""
             self._phase = "ended"
 
     def _do_undo(self) -> None:
@@ -201,7 +207,7 @@ class Session(threading.Thread):
         return ""
 
     def _take(self) -> None:
-        self._phase, self._command = "waiting", None
+        self._phase, self._command, self.discarded = "waiting", None, False
         lengths = self.measure.lengths_m()
         plan = self.plan
         live = LiveOperator(self.environment, self.own, lengths, plan.retargeting, self.inbox, self._check, plan.speed)
@@ -237,11 +243,15 @@ class Session(threading.Thread):
 
     def _check(self) -> None:
         """End the take by a wish, or because nothing comes any more."""
-        for what in self._wished():
-            if what in ("discard", "end"):
-                raise Ended("discarded")
-            if what == "finish" and self._live:
-                self._live.finish()
+        wishes = self._wished()
+        if "end" in wishes:
+            # The session ends after the take, which has not done the task.
+            self.discarded = True
+            self.wish("end")
+        if "end" in wishes or "discard" in wishes:
+            raise Ended("discarded")
+        if "finish" in wishes and self._live:
+            self._live.finish()
         live = self._live
         rows = live.rows if live else []
         if not rows and time.perf_counter() - self._preview > IDLE_S:
@@ -290,16 +300,19 @@ class Session(threading.Thread):
             "heading": self.heading_rad,
             "scales": dict(self._scales),
             "unsaved": self.takes.unsaved,
+            "camera": self.camera,
         }
         self._publish(protocol.state(facts, data.xpos, data.xquat, joints))
 
     def _limits(self) -> list[str]:
-        """Joints whose targets are at their limits."""
+        """Joints whose targets are at their limits, and links that would come too near to each other."""
         target, near = self.environment.previous_action, 1e-3
         at = (target <= self.environment.lower + near) | (target >= self.environment.upper - near)
         arms = {name for limb in self.environment.bundle.robot.limbs.values() for name in limb.arm}
         joints = self.environment.bundle.robot.joints
-        return [joint.name for joint, met in zip(joints, at, strict=True) if met and joint.name in arms]
+        stopped = [joint.name for joint, met in zip(joints, at, strict=True) if met and joint.name in arms]
+        near = self.driver.control.met(self._command) if self._live and self._command else []
+        return stopped + [f"{one} near {other}" for one, other in near]
 
     def _hands_drawn(self) -> np.ndarray:
         """Joints (2, 25, 3) of the operator's hands in the base; NaN is sent as it is."""

@@ -59,6 +59,10 @@ class RetargetOptions(Options):
     jump_deg: PositiveFloat = 25.0
     """Rotation of a wrist between two messages that is not followed [deg]."""
 
+    apart_m: NonNegativeFloat = _DEFAULT.apart_m
+    """Distance that arms keep from the rest of the robot, and hands from arms, where the operator would bring them
+    nearer; 0: none [m]."""
+
     def constants(self) -> Retargeting:
         """These options in [rad]."""
         given = self.model_dump(exclude={"heading_deg", "jump_deg"})
@@ -80,8 +84,9 @@ def operate(
             "there is no recording of hands to follow", hint="add `recording: $...`, a target that returns a HandStream"
         )
     takes = recording.demonstrations[: common.attempts]
-    driver = Driver(Environment(patient(bundle, recording, takes), terms=of_specs(terms, ctx.companion)))
     own, constants = hands_of(bundle.robot), motion.headed(options.constants(), recording)
+    environment = Environment(patient(bundle, recording, takes), terms=of_specs(terms, ctx.companion))
+    driver = Driver(environment, apart_m=constants.apart_m)
     filters = Filters(lag_m=common.lag_m, press_n=common.press_n, fingers=True)
     items: dict[str, Episode] = {}
     failures: dict[str, Episode] = {}

@@ -11,7 +11,7 @@ import signal
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from websockets.asyncio.client import ClientConnection, connect
 
@@ -22,6 +22,18 @@ FLAGS = (
 )
 
 
+class Screen(NamedTuple):
+    """The screen of a page."""
+
+    width: int
+    height: int
+    touch: bool = False
+    """Whether it is that of a phone, with fingers in place of a mouse."""
+
+
+DESKTOP = Screen(480, 300)
+
+
 class Page:
     """One page."""
 
@@ -30,15 +42,17 @@ class Page:
         self.faults: list[str] = []
         """Exceptions that nobody caught, and errors on the console."""
 
-    async def open(self, width: int, height: int, script: str = "") -> None:
+    async def open(self, screen: Screen, script: str = "") -> None:
         """An empty page, in which a script runs before those of every document."""
         target = await self.call("Target.createTarget", url="about:blank")
         attached = await self.call("Target.attachToTarget", targetId=target["targetId"], flatten=True)
         self._session = attached["sessionId"]
         await self.call("Runtime.enable")
         await self.call("Page.enable")
-        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        size = {"width": screen.width, "height": screen.height, "deviceScaleFactor": 1, "mobile": screen.touch}
         await self.call("Emulation.setDeviceMetricsOverride", **size)
+        if screen.touch:
+            await self.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=2)
         if script:
             await self.call("Page.addScriptToEvaluateOnNewDocument", source=script)
 
@@ -67,6 +81,11 @@ class Page:
         for kind in kinds or ("keyDown", "keyUp"):
             await self.call("Input.dispatchKeyEvent", type=kind, code=code, key=code)
 
+    async def touch(self, kind: str, *fingers: tuple[float, float]) -> None:
+        """Fingers at places on the screen [pixel]: `touchStart`, `touchMove`, or `touchEnd` without fingers."""
+        points = [{"x": x, "y": y, "id": number} for number, (x, y) in enumerate(fingers)]
+        await self.call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+
     async def picture(self, path: Path) -> None:
         """Write a picture of the page."""
         found = await self.call("Page.captureScreenshot", format="png")
@@ -91,7 +110,7 @@ class Page:
 
 
 @asynccontextmanager
-async def chromium(folder: Path, width: int = 480, height: int = 300, script: str = "") -> AsyncIterator[Page]:
+async def chromium(folder: Path, screen: Screen = DESKTOP, script: str = "") -> AsyncIterator[Page]:
     """A browser with an empty profile below `folder`, and a page in it."""
     program = shutil.which("chromium")
     assert program, "`.ci/system browser` installs Chromium"
@@ -109,7 +128,7 @@ async def chromium(folder: Path, width: int = 480, height: int = 300, script: st
             assert process.returncode is None
         async with connect(found.group(1), max_size=None, compression=None) as socket:
             page = Page(socket)
-            await page.open(width, height, script)
+            await page.open(screen, script)
             yield page
     finally:
         process.send_signal(signal.SIGTERM)

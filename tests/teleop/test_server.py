@@ -31,7 +31,13 @@ class Session(SimpleNamespace):
 
     def __init__(self) -> None:
         super().__init__(
-            inbox=Inbox(), measure=Measure(), takes=SimpleNamespace(device=""), heading_rad=0.0, twin=b"twin", wishes=[]
+            inbox=Inbox(),
+            measure=Measure(),
+            takes=SimpleNamespace(device=""),
+            heading_rad=0.0,
+            twin=b"twin",
+            wishes=[],
+            camera=False,
         )
         self.over = threading.Event()
 

@@ -12,9 +12,7 @@ from typing import Any
 import pytest
 
 from dextera_build.artifacts.robots.hand_stream import HandStream
-from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.artifacts.tasks.task import TaskBundle
-from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.live_operator import Message
 from dextera_build.sim.retarget.options import Retargeting
 from dextera_build.teleop import protocol, session
@@ -22,22 +20,10 @@ from dextera_build.teleop.session import Plan, Session
 from dextera_build.teleop.takes import Takes
 from dextera_build.testing import RuleRunner
 from tests import hand_tasks
-from tests.robots.robot_recipes import built
-from tests.teleop import operators, pages
+from tests.teleop import operators, pages, replays
+from tests.teleop.browsing import SPEED
 
 pytestmark = pytest.mark.slow
-SPEED = 0.3
-"""Slow motion, so that a machine that tests other things, too, keeps up."""
-
-
-@pytest.fixture(scope="module")
-def runner(tmp_path_factory: pytest.TempPathFactory) -> RuleRunner:
-    return RuleRunner(tmp_path_factory.mktemp("rules"))
-
-
-@pytest.fixture(scope="module")
-def lifting(runner: RuleRunner, tmp_path_factory: pytest.TempPathFactory) -> TaskBundle:
-    return hand_tasks.lift_can(runner, built("kuka_leap", tmp_path_factory.mktemp("robot")), [])
 
 
 class Live:
@@ -140,32 +126,15 @@ def test_a_take_replays_bit_for_bit_as_the_operator_saw_it(
 ) -> None:
     _, hands = hand_tasks.shown(runner, lifting, monkeypatch)
     live = opened(hands.takes[0].seed)
-    seen: list[Episode] = []
-    run = Driver.run
-
-    def kept(self: Driver, *words: Any, **named: Any) -> Episode:
-        seen.append(run(self, *words, **named))
-        return seen[-1]
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Driver, "run", kept)
+    with replays.watched(monkeypatch) as seen:
         demonstrate(live, hands)
         live.until("phase", "ready")
     assert live.states[-1]["kept"] == 1, [state["told"] for state in live.states[-5:]]
     assert len(live.session.own_share) > 20
     recording = HandStream.load(live.takes.path)
     assert recording.takes[0].finger_lengths_m[1] is not None
-    one, two = (
-        runner.run("demonstrate.operate", backend="hands", bundle=lifting, recording=recording) for _ in range(2)
-    )
-    for made in (one, two):
-        assert isinstance(made, Episodes)
-        (replayed,) = made.items.values()
-        for name in ("action", "executed", "hand"):
-            assert getattr(replayed, name).tobytes() == getattr(seen[0], name).tobytes(), name
-        assert {name: term.tobytes() for name, term in replayed.terms.items()} == {
-            name: term.tobytes() for name, term in seen[0].terms.items()
-        }
+    for _ in range(2):
+        replays.assert_same(runner, lifting, recording, seen)
 
 
 def test_hands_that_are_not_measured_start_nothing(live: Live) -> None:
@@ -198,6 +167,34 @@ def test_discard_ends_a_take_and_finish_waits_for_the_robot_to_rest(live: Live) 
         live.session.wish(what)
         assert live.until("phase", "ready")["told"] == told
     assert not live.takes.path.exists()
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_an_end_during_a_take_discards_it_and_ends_the_session(live: Live, moves: bool) -> None:
+    if moves:
+        begin(live)
+    else:
+        live.say(pages.wrists(0.0, 1))
+        live.until("measured", [1, 1])
+        live.session.inbox.take(0)
+        live.session.wish("start")
+        live.until("phase", "waiting")
+    live.session.wish("end")
+    ended = live.until("phase", "ended")
+    live.session.join(10)
+    assert not live.session.is_alive()
+    assert ended["told"] == "the take that was running was discarded"
+    assert live.session.discarded
+    assert not live.takes.path.exists()
+
+
+def test_an_end_between_takes_discards_nothing(live: Live) -> None:
+    begin(live)
+    live.session.wish("discard")
+    live.until("phase", "ready")
+    live.session.wish("end")
+    assert live.until("phase", "ended")["told"] == ""
+    assert not live.session.discarded
 
 
 def test_a_full_disk_starts_no_take(live: Live, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from dextera_build.artifacts.tasks.task import TaskBundle
     from dextera_build.session import Session
     from dextera_build.teleop.live import Opened
+    from dextera_build.teleop.webcam import Webcam
 
 PORT = 8012
 LOCAL = ("127.0.0.1", "localhost", "::1")
@@ -42,6 +43,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cert", metavar="FILE", help="certificate for HTTPS, PEM (default: one made here)")
     parser.add_argument("--key", metavar="FILE", help="its key, PEM")
     parser.add_argument("--allow-origin", action="append", default=[], metavar="ORIGIN", help="also admit this origin")
+    parser.add_argument("--webcam", metavar="N|FILE", help="hands from a camera, by its number, or from a film")
+    parser.add_argument("--webcam-view", type=float, default=60.0, metavar="DEG", help="its angle of view (60)")
+    parser.add_argument(
+        "--hand-length", type=float, default=0.19, metavar="M", help="your hand from wrist to middle fingertip (0.19 m)"
+    )
     parser.add_argument("--synthetic", action="store_true", help="a program moves the hands; the recording says so")
     parser.add_argument("--no-open", action="store_true", help="do not open the browser")
     options.project_arguments(parser)
@@ -59,6 +65,7 @@ def run(args: argparse.Namespace) -> int:
         node, bundle = _task(args.target, session, node)
         name = session.recipe.rpartition("/")[2]
         out = Path(args.out or f"recordings/{name}.mcap")
+        webcam = _webcam(args)
         wanted = live.Wanted(
             bundle=bundle,
             out=out,
@@ -72,8 +79,13 @@ def run(args: argparse.Namespace) -> int:
             certificate=_certificate(args),
             origins=tuple(args.allow_origin),
             synthetic=args.synthetic,
+            webcam=webcam,
         )
-        ended = live.run(wanted, lambda opened: _opened(args, opened))
+        try:
+            ended = live.run(wanted, lambda opened: _opened(args, opened))
+        finally:
+            if webcam is not None:
+                webcam.close()
     replay = f"dxb build task/from_hands --input {shlex.quote(f'task={session.recipe}:{node}')}"
     replay += f" --input {shlex.quote(f'operator={out}')}" + ("" if ended.head else " --set hands.head=''")
     if args.json:
@@ -126,6 +138,15 @@ def _certificate(args: argparse.Namespace) -> tuple[Path, Path] | None:
     if args.cert:
         return Path(args.cert), Path(args.key)
     return None if args.host in LOCAL else certificate.own(settings.user_folder() / "teleop", server.shown(args.host))
+
+
+def _webcam(args: argparse.Namespace) -> Webcam | None:
+    from dextera_build.project import settings
+    from dextera_build.teleop.webcam import Webcam
+
+    if args.webcam is None:
+        return None
+    return Webcam(args.webcam, settings.user_folder() / "teleop" / "mediapipe", args.webcam_view, args.hand_length)
 
 
 def _opened(args: argparse.Namespace, opened: Opened) -> None:

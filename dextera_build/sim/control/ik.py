@@ -1,4 +1,4 @@
-"""Inverse kinematics of a robot's palms, without collision avoidance."""
+"""Inverse kinematics of a robot's palms; while a target is tracked, arms can keep apart from the rest of the robot."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.geometry import transforms
+from dextera_build.sim.control.apart import Apart
 from dextera_build.sim.model.fixed_joints import alone
 
 SOLVER = "daqp"
@@ -71,9 +72,12 @@ class ArmKinematics:
         robot: The embodiment; all joints but those of the arms are fixed at home.
         limbs: Name of a limb with a palm, or several.
         costs: Weights of the errors.
+        apart_m: Distance that arms keep from the rest of the robot in `track` [m]; 0: they know nothing of it.
     """
 
-    def __init__(self, robot: RobotModel, limbs: str | Sequence[str], costs: Costs = EXACT) -> None:
+    def __init__(
+        self, robot: RobotModel, limbs: str | Sequence[str], costs: Costs = EXACT, apart_m: float = 0.0
+    ) -> None:
         self.limbs: tuple[str, ...] = (limbs,) if isinstance(limbs, str) else tuple(limbs)
         """The limbs, in the order of targets."""
         moved = {name for limb in self.limbs for name in robot.limbs[limb].arm}
@@ -99,7 +103,13 @@ class ArmKinematics:
         self._speed = mink.VelocityLimit(self._model, {joint.name: joint.velocity for joint in arm})
         self._speeds = np.full(self._model.nv, np.inf)
         self._speeds[self._speed.indices] = self._speed.limit
+        self._apart = Apart(robot, self._model, apart_m) if apart_m else None
         self._couplings = [mink.EqualityConstraintTask(self._model, cost=1.0)] if coupled else None
+
+    @property
+    def met(self) -> list[tuple[str, str]]:
+        """Pairs of links that kept an arm from its target in the last step of `track`."""
+        return self._apart.met if self._apart else []
 
     def pose(self, joints: np.ndarray) -> np.ndarray:
         """T_base_palm (4, 4) of the first limb at arm joints (A,) [rad]."""
@@ -150,8 +160,12 @@ class ArmKinematics:
         self._posture.set_target(self._spread(self.home if posture is None else posture))
         steps = 3
         start = self._state.q.copy()
+        if self._apart:
+            self._apart.begin(self._state)
         for _ in range(steps):
             self._step(dt / steps, timed=True)
+        if self._apart and np.isfinite(self._state.q).all():
+            self._apart.end(self._state, start)
         moved = np.asarray(self._state.q[self._address])
         return np.asarray(np.clip(moved, self.lower, self.upper) if np.isfinite(moved).all() else start[self._address])
 
@@ -195,25 +209,41 @@ class ArmKinematics:
     def _step(self, dt: float, *, timed: bool) -> None:
         """Move towards the targets within the joints' ranges, and with `timed` within their speeds."""
         if self._couplings is None:
-            self._state.update(self._state.q + self._displacement(dt if timed else np.inf))
+            self._state.update(self._state.q + (self._kept_apart(dt) if timed else self._displacement(np.inf)))
             return
+        limits = [self._range, self._speed, *([self._apart.limit] if self._apart else [])]
         velocity = mink.solve_ik(
             self._state,
             [*self._palms, self._posture],
             dt,
             solver=SOLVER,
             damping=DAMPING,
-            limits=(self._range, self._speed) if timed else (self._range,),
+            limits=limits if timed else [self._range],
             constraints=self._couplings,
             safety_break=False,
         )
+        if self._apart and timed:
+            self._apart.spend(velocity * dt)
         self._state.integrate_inplace(velocity, dt)
 
-    def _displacement(self, dt: float) -> np.ndarray:
+    def _kept_apart(self, dt: float) -> np.ndarray:
+        """A displacement within `dt` [s] that keeps parts of the robot apart, if it is to."""
+        if self._apart is None:
+            return self._displacement(dt)
+        found = self._displacement(dt, self._apart.rows, self._apart.room)
+        self._apart.spend(found)
+        return found
+
+    def _displacement(self, dt: float, further: np.ndarray | None = None, room: np.ndarray | None = None) -> np.ndarray:
         """The result of `mink.solve_ik` without constraints, in a third of the time.
 
-        Every joint is a hinge or a slide, so that all limits are bounds of single variables; if none is active, the
-        solution of the normal equations is exact.
+        Every joint is a hinge or a slide, so that the limits of joints are bounds of single variables; if no limit is
+        active, the solution of the normal equations is exact.
+
+        Args:
+            dt: Duration in which speeds are kept [s].
+            further: (K, V) rows of further limits; None: there are none.
+            room: (K,) their upper bounds.
         """
         parts = [palm.compute_qp_residual(self._state) for palm in self._palms]
         rows, errors = np.concatenate([each[0] for each in parts]), np.concatenate([each[1] for each in parts])
@@ -223,11 +253,14 @@ class ArmKinematics:
         gradient = self._posture_cost**2 * (joints - self._posture.target_q) - errors @ rows
         lower = np.maximum(limits.gain * (limits.lower - joints), -self._speeds * dt)
         upper = np.minimum(limits.gain * (limits.upper - joints), self._speeds * dt)
+        further = np.zeros((0, len(joints))) if further is None else further
+        room = np.zeros(0) if room is None else room
         free = np.linalg.solve(hessian, -gradient)
-        if (free >= lower).all() and (free <= upper).all():
+        if (free >= lower).all() and (free <= upper).all() and (further @ free <= room).all():
             return np.asarray(free)
-        nothing, sense = np.zeros((0, len(joints))), np.zeros(len(joints), np.int32)
-        bounded, _, found, _ = daqp.solve(hessian, gradient, nothing, upper, lower, sense)
+        sense = np.zeros(len(joints) + len(room), np.int32)
+        upper, lower = np.concatenate([upper, room]), np.concatenate([lower, np.full(len(room), -np.inf)])
+        bounded, _, found, _ = daqp.solve(hessian, gradient, further, upper, lower, sense)
         if found <= 0:
             raise mink.NoSolutionFound(SOLVER)
         return np.asarray(bounded)

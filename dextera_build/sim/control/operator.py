@@ -121,10 +121,13 @@ class PoseControl:
         control_hz: Control rate [Hz].
         settle_rad_s: Speed at which the redundancy of an arm returns to its home; as far as possible in every step
             by default, which accelerates joints without limit.
+        apart_m: Distance that arms keep from the rest of the robot, see `ArmKinematics` [m].
     """
 
-    def __init__(self, robot: RobotModel, control_hz: float, settle_rad_s: float = np.inf) -> None:
-        self._robot, self._settle = robot, settle_rad_s / control_hz
+    def __init__(
+        self, robot: RobotModel, control_hz: float, settle_rad_s: float = np.inf, apart_m: float = 0.0
+    ) -> None:
+        self._robot, self._settle, self._apart = robot, settle_rad_s / control_hz, apart_m
         self._names = [joint.name for joint in robot.joints]
         self._arms: dict[tuple[str, ...], ArmKinematics] = {}
         self._hands = {name: self._places(limb.hand) for name, limb in robot.limbs.items()}
@@ -169,10 +172,14 @@ class PoseControl:
         pairs = zip(reached, command.aims.values(), strict=True)
         return float(max(np.linalg.norm((transforms.invert(pose) @ aim.palm)[:3, 3]) for pose, aim in pairs))
 
+    def met(self, command: Command) -> list[tuple[str, str]]:
+        """Pairs of links that kept the arms of the last command from their targets, see `ArmKinematics.met`."""
+        return self.arms(tuple(command.aims)).met
+
     def arms(self, limbs: tuple[str, ...]) -> ArmKinematics:
         """Kinematics of the palms of some limbs, solved together."""
         if limbs not in self._arms:
-            self._arms[limbs] = ArmKinematics(self._robot, limbs)
+            self._arms[limbs] = ArmKinematics(self._robot, limbs, apart_m=self._apart)
         return self._arms[limbs]
 
     def _places(self, joints: Sequence[str]) -> np.ndarray:

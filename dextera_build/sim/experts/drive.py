@@ -39,12 +39,13 @@ class Driver:
     Args:
         environment: The task; the driver begins its episodes.
         settle_rad_s: See `PoseControl`.
+        apart_m: See `PoseControl`.
     """
 
-    def __init__(self, environment: Environment, settle_rad_s: float = np.inf) -> None:
+    def __init__(self, environment: Environment, settle_rad_s: float = np.inf, apart_m: float = 0.0) -> None:
         self.environment = environment
         robot, rate = environment.bundle.robot, environment.task.control_hz
-        self.control, self.noisy = (PoseControl(robot, rate, settle_rad_s) for _ in range(2))
+        self.control, self.noisy = (PoseControl(robot, rate, settle_rad_s, apart_m) for _ in range(2))
         self.watch = Watch(environment)
 
     def run(
@@ -155,7 +156,9 @@ class _Run:
     def _verdict(self, command: Command, outcome: Outcome, longest_s: float) -> tuple[bool, str]:
         """Whether the episode has ended, and the reason of a failure."""
         environment, limits = self._environment, self._limits
-        reason = self._driver.watch.fault(command, self._driver.control.lag_m(command), limits)
+        control = self._driver.control
+        near = next((f"`{one}` near `{other}`" for one, other in control.met(command)), "")
+        reason = self._driver.watch.fault(command, control.lag_m(command), limits, near)
         if reason:
             return True, reason
         if outcome.success:

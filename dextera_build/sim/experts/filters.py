@@ -56,17 +56,19 @@ class Watch:
         """A new episode; the robot rests at the targets of its start."""
         self._sent = [self._environment.previous_action] * 3
 
-    def fault(self, command: Command, lag_m: float, limits: Filters) -> str:
+    def fault(self, command: Command, lag_m: float, limits: Filters, near: str = "") -> str:
         """The first violation in the control period that has just ended; empty if there is none.
 
         Args:
             command: The command of this period.
             lag_m: Lag of the joint targets behind it [m].
             limits: What is allowed.
+            near: Parts of the robot that stopped it before they met, if some did.
         """
         self._sent = [*self._sent[1:], self._environment.previous_action]
         if lag_m > limits.lag_m:
-            return f"limits of the arm's joints or speeds held the hand back in `{command.segment}`"
+            held = near or "limits of the arm's joints or speeds"
+            return f"{held} held the hand back in `{command.segment}`"
         touched = self._touch.unintended(command.contact, limits.press_n, fingers=limits.fingers)
         if touched:
             return f"touched `{touched}` in `{command.segment}`"

@@ -9,7 +9,7 @@ The package `dextera_build.sim` selects EGL unless `MUJOCO_GL` is set.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Any, Self
 
@@ -62,6 +62,8 @@ class Eye:
         finally:
             quality.shadowsize = shadow_px
         self._drawn = np.array(model.mesh_vert)
+        self.overlay: Callable[[Any], None] | None = None
+        """Adds shapes to every `mjvScene` before it is drawn; see `ghosts`."""
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -117,6 +119,8 @@ class Eye:
     def _look(self, data: Any) -> None:
         self._upload()
         self._renderer.update_scene(data, scene_option=self._option)
+        if self.overlay is not None:
+            self.overlay(self._renderer.scene)
         rotation, place = self._pose[:3, :3], self._pose[:3, 3]
         camera = self._camera
         for eye in self._renderer.scene.camera:

@@ -34,3 +34,5 @@ class Retargeting:
     """Displacement of a wrist between two messages that is not followed [m]."""
     jump_rad: float = float(np.radians(25))
     """Rotation of a wrist between two messages that is not followed [rad]."""
+    apart_m: float = 0.005
+    """Distance that arms keep from the rest of the robot, and hands from arms; 0: none [m]."""

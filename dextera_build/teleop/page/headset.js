@@ -66,7 +66,7 @@ export class Headset {
     this.active = true;
     this.placed = null;
     this.board.visible = true;
-    this.link.send({ device: `WebXR in ${navigator.userAgent}` });
+    this.link.name(`WebXR in ${navigator.userAgent}`);
     session.addEventListener("end", () => this.leave());
   }
 

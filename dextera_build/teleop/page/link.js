@@ -16,6 +16,7 @@ export class Link {
     this.lastWay = null;
     this.lastTrip = null;
     this.used = null;
+    this.ended = false;
     this.connect();
     setInterval(() => this.measure(), 500);
   }
@@ -28,11 +29,18 @@ export class Link {
     socket.onopen = () => { this.onWord("connected"); this.send({ device: this.device }); };
     socket.onmessage = (event) => this.read(event.data);
     socket.onclose = (event) => {
+      if (this.ended) return;
       const words = event.reason || "the connection was lost";
       this.onWord(words + (event.code === 4001 ? "" : "; connecting again"), true);
       if (event.code !== 4001) setTimeout(() => this.connect(), 1000);
     };
     this.socket = socket;
+  }
+
+  // What the operator holds or wears.
+  name(device) {
+    this.device = device;
+    this.send({ device });
   }
 
   get open() { return this.socket.readyState === WebSocket.OPEN; }
@@ -80,6 +88,7 @@ export class Link {
     const length = new DataView(data).getUint32(0, true);
     const facts = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
     const now = performance.now();
+    this.ended = facts.phase === "ended";
     if (facts.used !== null && facts.used !== this.used && this.sentAt.has(facts.used)) {
       this.used = facts.used;
       this.lastWay = now - this.sentAt.get(facts.used);

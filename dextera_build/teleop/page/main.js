@@ -5,6 +5,7 @@ import { Headset } from "./headset.js";
 import { Keys } from "./keys.js";
 import { Link } from "./link.js";
 import * as panel from "./panel.js";
+import { Touch } from "./touch.js";
 import { Twin } from "./twin.js";
 
 const canvas = document.getElementById("view");
@@ -43,7 +44,8 @@ function fit() {
   camera.aspect = innerWidth / innerHeight;
   // The panels cover the left side.
   if (innerWidth > 760) camera.setViewOffset(innerWidth, innerHeight, -150, 0, innerWidth, innerHeight);
-  else camera.clearViewOffset();
+  // The panel is above, and what a thumb needs is below.
+  else camera.setViewOffset(innerWidth, innerHeight, 0, -0.09 * innerHeight, innerWidth, innerHeight);
   camera.updateProjectionMatrix();
   renderer.setSize(innerWidth, innerHeight, false);
 }
@@ -62,6 +64,7 @@ const look = new THREE.Vector3(...twin.facts.middle).applyMatrix4(twin.base.matr
 const from = twin.facts.wrists.length > 1 ? [-0.9, 0, 0.9] : [0.5, -0.8, 0.6];
 const behind = new THREE.Vector3(...from).transformDirection(twin.base.matrixWorld).multiplyScalar(0.85);
 const orbit = new Orbit(look, behind);
+if (innerWidth < innerHeight) orbit.zoom(350);
 const keys = new Keys(canvas, twin, camera, orbit);
 window.addEventListener("resize", fit);
 fit();
@@ -75,6 +78,7 @@ function onState(facts, numbers) {
     const thing = twin.bodies[twin.facts.object].getWorldPosition(new THREE.Vector3());
     orbit.middle.lerp(thing, 0.6);
     orbit.turn(0, 0);
+    if (facts.camera) for (const name of ["keys", "touch", "headset"]) document.getElementById(name).style.display = "none";
   }
   if (facts.phase !== phase) { keys.reset(); phase = facts.phase; }
   latest = facts;
@@ -87,6 +91,7 @@ function onWord(text, stays = false) {
 }
 
 const link = new Link(`keyboard and mouse in ${navigator.userAgent}`, onState, onWord);
+const touch = new Touch(canvas, twin, camera, orbit, keys, () => link.name(`touch screen in ${navigator.userAgent}`));
 const wish = (what) => link.send({ do: what });
 for (const button of document.querySelectorAll("[data-do]")) {
   button.addEventListener("click", () => { wish(button.dataset.do); canvas.focus(); });
@@ -106,9 +111,9 @@ setInterval(() => {
   const now = performance.now();
   const seconds = Math.min(0.1, (now - last) / 1000);
   last = now;
-  if (headset.active) return;
-  keys.step(seconds);
-  link.hands(keys.hands());
+  if (headset.active || latest?.camera) return;
+  keys.step(seconds, touch);
+  link.hands(keys.hands(touch));
 }, 15);
 
 renderer.setAnimationLoop((time, frame) => {
@@ -117,4 +122,4 @@ renderer.setAnimationLoop((time, frame) => {
   else if (found) panel.show(found);
   renderer.render(scene, camera);
 });
-window.session = { link, twin, keys, headset, get facts() { return latest; } };
+window.session = { link, twin, keys, touch, headset, get facts() { return latest; } };

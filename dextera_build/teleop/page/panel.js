@@ -8,7 +8,7 @@ export function words(facts, link, note) {
   const missing = ["left", "right"].filter((side, hand) => facts.tracked[hand] && facts.measured[hand] < 1);
   const share = Math.min(...facts.measured.filter((_, hand) => facts.tracked[hand]), 1);
   let told = facts.told;
-  if (facts.phase === "ended") told = "the session has ended; this page can be closed";
+  if (facts.phase === "ended") told = `${told && `${told}; `}the session has ended, and this page can be closed`;
   else if (facts.silent) told = "nothing arrives from this device: the robot holds";
   else if (taking && Object.values(facts.held).some(Boolean)) told = "held: hand lost, clutch open, or a jump";
   else if (facts.phase === "ready" && missing.length) told = `hold the ${missing.join(" and the ")} hand open: ${Math.round(100 * share)} %`;

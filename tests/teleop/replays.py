@@ -1,0 +1,43 @@
+"""What an operator saw, and what the recording of it becomes: the same, bit for bit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+from dextera_build.artifacts.robots.hand_stream import HandStream
+from dextera_build.artifacts.tasks.episode import Episode, Episodes
+from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.sim.experts.drive import Driver
+from dextera_build.testing import RuleRunner
+
+
+@contextmanager
+def watched(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Episode]]:
+    """Successful episodes of sessions, in order, as their operators saw them."""
+    found: list[Episode] = []
+    run = Driver.run
+
+    def kept(self: Driver, *words: Any, **named: Any) -> Episode:
+        episode = run(self, *words, **named)
+        found.extend([episode] if episode.success else [])
+        return episode
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Driver, "run", kept)
+        yield found
+
+
+def assert_same(runner: RuleRunner, bundle: TaskBundle, recording: HandStream, seen: list[Episode]) -> None:
+    """Build the episodes of a recording, and compare them with those that were seen."""
+    made = runner.run("demonstrate.operate", backend="hands", bundle=bundle, recording=recording)
+    assert isinstance(made, Episodes)
+    assert len(made.items) == len(recording.takes) == len(seen)
+    for replayed, was in zip(made.items.values(), seen, strict=True):
+        for name in ("action", "executed", "hand"):
+            assert getattr(replayed, name).tobytes() == getattr(was, name).tobytes(), name
+        one, two = ({name: term.tobytes() for name, term in each.terms.items()} for each in (replayed, was))
+        assert one == two
