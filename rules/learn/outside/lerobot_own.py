@@ -9,8 +9,8 @@ from dextera_build.rule import Backend, Context, Options
 if TYPE_CHECKING:
     from dextera_build.artifacts.base import Folder
 
-    from .lerobot import LerobotTrained
     from .lerobot_options import LerobotOptions
+    from .trained import Trained
 
 BACKEND = Backend(
     summary="LeRobot's trainer in an environment of its own, on the CPU; resumes after an interruption",
@@ -23,7 +23,7 @@ BACKEND = Backend(
 )
 
 
-def train(ctx: Context, data: Folder, base: Folder | None, common: LerobotOptions, options: Options) -> LerobotTrained:
+def train(ctx: Context, data: Folder, base: Folder | None, common: LerobotOptions, options: Options) -> Trained:
     """Train, or resume an interrupted training."""
-    made: LerobotTrained = ctx.outside("train", data=data, base=base, common=common, keep=str(ctx.keep))
+    made: Trained = ctx.outside("train", data=data, base=base, common=common, keep=str(ctx.keep))
     return made

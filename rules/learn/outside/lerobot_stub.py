@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from dextera_build.artifacts.base import Folder
 from dextera_build.rule import Backend, Context, Options
 
-from .lerobot import LerobotTrained
+from .trained import Trained, untrained
 
 if TYPE_CHECKING:
+    from dextera_build.artifacts.base import Folder
+
     from .lerobot_options import LerobotOptions
 
 BACKEND = Backend(summary="no training: a policy without weights", profiles=("stub",))
 
 
-def train(ctx: Context, data: Folder, base: Folder | None, common: LerobotOptions, options: Options) -> LerobotTrained:
+def train(ctx: Context, data: Folder, base: Folder | None, common: LerobotOptions, options: Options) -> Trained:
     """A curve that falls."""
-    steps = np.array([1, max(2, common.steps)], np.int64)
-    return LerobotTrained(Folder(files={"config.json": b"{}"}), steps, np.array([1.0, 0.5], np.float32), "0", "")
+    return untrained(common.steps, version="0", instruction="")

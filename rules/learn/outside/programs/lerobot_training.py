@@ -204,8 +204,6 @@ def _thin(run: Path) -> None:
 
 
 def _answer(request: Any, policy: Path, data: Path, points: list[tuple[int, float]]) -> Any:
-    import numpy as np
-
     out = request.file("policy")
     out.mkdir()
     for path in sorted(policy.iterdir()):
@@ -219,16 +217,7 @@ def _answer(request: Any, policy: Path, data: Path, points: list[tuple[int, floa
         )
     config = json.loads((out / "config.json").read_text())
     (out / "config.json").write_text(json.dumps({**config, "pretrained_path": None}, indent=1, sort_keys=True))
-    np.save(request.file("steps.npy"), np.array([step for step, _ in points], np.int64))
-    np.save(request.file("curve.npy"), np.array([loss for _, loss in points], np.float32))
-    return dxb_backend.value(
-        "LerobotTrained",
-        files=dxb_backend.value("Folder", file=out),
-        steps=dxb_backend.value("array", file=request.file("steps.npy")),
-        curve=dxb_backend.value("array", file=request.file("curve.npy")),
-        lerobot=_version(),
-        instruction=_instruction(data),
-    )
+    return trainer.answer(request, out, points, version=_version(), instruction=_instruction(data))
 
 
 def _instruction(data: Path) -> str:
