@@ -18,7 +18,7 @@ class OpenpiOptions(Options):
     model: Literal["pi05", "pi0"] = "pi05"
     """Model of the base."""
     adapters: bool = True
-    """Train adapters (LoRA) beside frozen weights; else all weights, without which a smaller GPU is enough."""
+    """Train adapters (LoRA) beside frozen weights, which needs less memory than to train all weights."""
     horizon: int = Field(50, ge=1, le=200)
     """Steps of an answer."""
     relative: bool = True
@@ -34,5 +34,5 @@ class OpenpiOptions(Options):
     seed: int = Field(42, ge=0)
     """Seed of initial adapters and order."""
     least_range_rad: float = Field(0.01, gt=0.0)
-    """Least distance of the quantiles q01 and q99 of a joint or an action that it is scaled by [rad or m]; without it, a
-    finger that hardly moves is amplified."""
+    """Least distance of the quantiles q01 and q99 of a joint or an action, by which it is scaled [rad or m]; without
+    one, a finger that hardly moves is amplified."""

@@ -31,5 +31,5 @@ class OpenvlaOptions(Options):
     shuffle: int = Field(100_000, ge=1)
     """Samples in the buffer that is drawn from; fewer need less memory."""
     least_range_rad: float = Field(0.01, gt=0.0)
-    """Least distance of the quantiles q01 and q99 of an action that it is scaled by [rad or m]; without it, a finger that
-    hardly moves is amplified."""
+    """Least distance of the quantiles q01 and q99 of an action, by which it is scaled [rad or m]; without one, a finger
+    that hardly moves is amplified."""

@@ -16,7 +16,6 @@ from dextera_build.rule import ROUNDING, Context, Tolerance
 
 from . import exported
 
-
 # Another processor trains other weights of one quality, and a training that went on after a kill has another order.
 TOLERANCE = Tolerance({"": ROUNDING, "weights": math.inf, "curve": math.inf}, metrics={"loss": 0.2})
 
@@ -25,7 +24,7 @@ class Trained(NamedTuple):
     """What a trainer leaves."""
 
     files: Folder
-    """The trained policy, or what was trained beside its base; without code."""
+    """The trained policy, or what was trained beside its base; no pickles."""
     steps: Annotated[np.ndarray, Array("L", "int64")]
     """Optimiser steps of `curve`."""
     curve: Annotated[np.ndarray, Array("L", "float32")]

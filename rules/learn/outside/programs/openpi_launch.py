@@ -1,6 +1,6 @@
-"""Runs a script of openpi with a configuration for a data set of dxb: `openpi_launch.py SETTINGS.json SCRIPT ARGUMENTS...`.
+"""Runs a script of openpi with a configuration for a data set of dxb: `openpi_launch.py SETTINGS.json SCRIPT ...`.
 
-openpi knows configurations by a table in its code. Here the table gets an entry; the clone stays as it is. The same
+openpi knows configurations by a table in its code. Here the table gets an entry; the clone stays as it is. It also
 serves what was trained: `launch.py settings.json scripts/serve_policy.py policy:checkpoint --policy.config=dextera
 --policy.dir=FOLDER`.
 """
@@ -25,7 +25,7 @@ def main(settings: dict[str, Any], script: str) -> None:
 
 
 def configured(settings: dict[str, Any]) -> Any:
-    """openpi's `TrainConfig` for a data set of dxb with one camera."""
+    """A `TrainConfig` of openpi for a data set of dxb with one camera."""
     from openpi.models import pi0_config  # type: ignore[import-not-found]
     from openpi.training import config, weight_loaders
 

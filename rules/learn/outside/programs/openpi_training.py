@@ -80,13 +80,13 @@ def widened(statistics: dict[str, Any], least: float) -> dict[str, Any]:
     """norm_stats.json with q01 and q99 of every number at least `least` apart, about their middle."""
     made: dict[str, Any] = {}
     for key, values in statistics["norm_stats"].items():
-        pairs = list(zip(values["q01"], values["q99"]))
+        pairs = list(zip(values["q01"], values["q99"], strict=True))
         more = [max(least - (high - low), 0.0) / 2 for low, high in pairs]
         made[key] = {
             **values,
             "std": [max(std, least / 4) for std in values["std"]],
-            "q01": [low - own for (low, _), own in zip(pairs, more)],
-            "q99": [high + own for (_, high), own in zip(pairs, more)],
+            "q01": [low - own for (low, _), own in zip(pairs, more, strict=True)],
+            "q99": [high + own for (_, high), own in zip(pairs, more, strict=True)],
         }
     return {"norm_stats": made}
 

@@ -75,7 +75,7 @@ def _arguments(common: Any, base: Path, data: Path, name: str, keep: Path) -> It
 def _base(folder: str) -> Path:
     path = Path(folder).expanduser()
     if not folder or not (path / "config.json").is_file():
-        hint = "`huggingface-cli download openvla/openvla-7b --local-dir ~/models/openvla-7b`, then `base: ~/models/openvla-7b`"
+        hint = "download openvla/openvla-7b, `huggingface-cli download ... --local-dir FOLDER`, then `base: FOLDER`"
         raise dxb_backend.Refused(f"`base` names no folder with a model: `{folder}`", hint)
     return path.resolve()
 
