@@ -91,7 +91,7 @@ for step in range(int(given["max_steps"]) + 1):
         wandb.log({"train_loss": loss, "action_accuracy": 0.5, "l1_loss": 0.1}, step=step)
     if step and step % int(given["save_steps"]) == 0:
         (adapters / "adapter_model.safetensors").write_text(f"adapters of step {step}")
-        (adapters / "adapter_config.json").write_text(json.dumps({"base_model_name_or_path": given["vla_path"], "r": 32}))
+        (adapters / "adapter_config.json").write_text(json.dumps({"base_model_name_or_path": given["vla_path"]}))
 """,
 }
 
