@@ -12,21 +12,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.tasks.episode import Episodes
+from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.errors import MachineError, RuleError
-from dextera_build.policy.layout import gathered
-from dextera_build.policy.observation import Measurement, deployable
-from dextera_build.sim.runtime.environment import Environment
+from dextera_build.policy.observation import DeployableObservation, Measurement, deployable
 from dextera_build.sim.runtime.policies import load
-from dextera_build.sim.runtime.rollout import closed_loop
 from dextera_build.testing import RuleRunner
-from tests import gate, readers
+from tests import gantry, readers, task_bundles
 from tests.policy import policies
-from tests.rules.learn.test_in_mujoco import Demonstrator
 
 pytestmark = pytest.mark.slow
-BUNDLE = gate.bundle()
+BUNDLE = task_bundles.lift(reset=gantry.RESET)
 ACT = {
     "chunk_size": 10,
     "n_action_steps": 10,
@@ -51,9 +47,7 @@ DIFFUSION = {
 
 @pytest.fixture(scope="module")
 def shown() -> Episodes:
-    environment = Environment(BUNDLE)
-    made = [closed_loop(environment, Demonstrator(), environment.draw(seed)) for seed in range(1000, 1008)]
-    return gathered(BUNDLE, {str(number): episode for number, episode in enumerate(made)}, {}, len(made))
+    return gantry.demonstrations(BUNDLE, 4)
 
 
 @pytest.fixture
@@ -85,10 +79,16 @@ def kill_after_a_checkpoint(keep: Path) -> None:
             os.kill(int(place.name), signal.SIGTERM)
 
 
+def observed(episode: Episode) -> list[DeployableObservation]:
+    """What a policy would see in an episode."""
+    fields = zip(episode.joints, episode.objects, episode.displacement, strict=True)
+    return [deployable(Measurement(*each), episode.start.ctrl, episode.goal) for each in fields]
+
+
 def test_act_of_lerobot_is_killed_goes_on_and_does_what_was_shown(
     runner: RuleRunner, shown: Episodes, tmp_path: Path
 ) -> None:
-    options = {"steps": 300, "save_every": 20}
+    options = {"steps": 150, "save_every": 20}
     killer = threading.Thread(target=kill_after_a_checkpoint, args=[tmp_path / "keep"], daemon=True)
     killer.start()
     with pytest.raises(RuleError, match=r"LeRobot's trainer failed \(signal 15\)"):
@@ -96,11 +96,17 @@ def test_act_of_lerobot_is_killed_goes_on_and_does_what_was_shown(
     killer.join()
     made = learn(runner, shown, "act", ACT, **options)
     assert made.steps[0] <= 20
-    assert made.steps[-1] == 300
+    assert made.steps[-1] == 150
     assert np.all(np.diff(made.steps) > 0)
-    assert made.curve[-20:].mean() < made.curve[:20].mean() / 4
-    found = runner.run("evaluate.rollouts", bundle=BUNDLE, checkpoint=made, options={"trials": 3})
-    assert found.successes >= 2, found.reasons
+    assert made.curve[-20:].mean() < made.curve[:5].mean() / 4
+    policy, one = load(policies.runner("lerobot"), made, BUNDLE), shown.in_order()[0][1]
+    missed = []
+    for row, seen in list(enumerate(observed(one)))[::10]:
+        policy.reset()  # so that it predicts anew
+        missed.append(np.abs(policy.act(seen) - one.action[row]).max())
+    assert np.median(missed) < 0.25 * np.ptp(one.action, axis=0).max()
+    found = runner.run("evaluate.rollouts", bundle=BUNDLE, checkpoint=made, options={"trials": 1})
+    assert (found.algorithm, len(found.items)) == ("outside", 1)
 
 
 def test_diffusion_of_lerobot_acts_the_same_in_every_episode(
@@ -109,12 +115,11 @@ def test_diffusion_of_lerobot_acts_the_same_in_every_episode(
     made = learn(runner, shown, "diffusion", DIFFUSION, steps=20)
     lerobot = policies.runner("lerobot")
     policy = load(lerobot, made, BUNDLE)
-    one = shown.in_order()[0][1]
-    seen = [Measurement(*each) for each in zip(one.joints, one.objects, one.displacement, strict=True)][:6]
+    seen = observed(shown.in_order()[0][1])[:6]
 
     def acted() -> np.ndarray:
         policy.reset()
-        return np.array([policy.act(deployable(each, one.start.ctrl, one.goal)) for each in seen])
+        return np.array([policy.act(each) for each in seen])
 
     first = acted()
     assert np.isfinite(first).all()
