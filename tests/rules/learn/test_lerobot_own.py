@@ -88,17 +88,17 @@ def observed(episode: Episode) -> list[DeployableObservation]:
 def test_act_of_lerobot_is_killed_goes_on_and_does_what_was_shown(
     runner: RuleRunner, shown: Episodes, tmp_path: Path
 ) -> None:
-    options = {"steps": 150, "save_every": 20}
+    options = {"steps": 60, "save_every": 10}
     killer = threading.Thread(target=kill_after_a_checkpoint, args=[tmp_path / "keep"], daemon=True)
     killer.start()
     with pytest.raises(RuleError, match=r"LeRobot's trainer failed \(signal 15\)"):
         learn(runner, shown, "act", ACT, **options)
     killer.join()
     made = learn(runner, shown, "act", ACT, **options)
-    assert made.steps[0] <= 20
-    assert made.steps[-1] == 150
+    assert made.steps[0] == 1
+    assert made.steps[-1] == 60
     assert np.all(np.diff(made.steps) > 0)
-    assert made.curve[-20:].mean() < made.curve[:5].mean() / 4
+    assert made.curve[-10:].mean() < made.curve[:5].mean() / 2
     policy, one = load(policies.runner("lerobot"), made, BUNDLE), shown.in_order()[0][1]
     missed = []
     for row, seen in list(enumerate(observed(one)))[::10]:
