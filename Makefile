@@ -98,8 +98,9 @@ bench-engine: setup $(VENV)/.peers ## Measure dxb beside other build tools; hour
 bench-retargeting: setup $(VENV)/dexret/.installed ## Measure retargeting of hands beside dex-retargeting; two minutes
 	$(BIN)/python -m tests.benchmarks.retargeting --peer $(VENV)/dexret/bin/python $(ARGS)
 
-bench-policies: setup $(VENV)/readers/robomimic/.installed ## Measure learn.bc_rnn beside robomimic; minutes for a small task
+bench-policies: setup $(VENV)/readers/robomimic/.installed $(VENV)/readers/lerobot-0.4/.installed ## Measure policies beside robomimic's and LeRobot's; minutes for a small task
 	$(BIN)/python -m tests.benchmarks.policies $(ARGS)
+	$(BIN)/python -m tests.benchmarks.policies.lerobot $(ARGS)
 
 docs: setup ## Build the docs pages into site/
 	$(BIN)/python -m sphinx -W --keep-going -q -b html dextera_build/docs site

@@ -9,6 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+OPERATORS = """import torch
+
+LIBRARY = torch.library.Library("torchvision", "DEF")
+for name in ("nms", "qnms"):
+    LIBRARY.define(f"{name}(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
+"""
 ENVIRONMENTS = Path(__file__).parent.parent / ".venv" / "readers"
 
 
@@ -23,6 +29,25 @@ def run(name: str, *arguments: str | Path) -> str:
     done = subprocess.run(command, env=kept | quiet, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
     return done.stdout
+
+
+def installed(project: Path, name: str, environment: str) -> None:
+    """Make `.envs/NAME` of a project out of environment `environment`; the test is skipped if there is none.
+
+    torchvision of these environments needs another torch. It is imported all the same once the two operators are
+    declared that its CUDA build would bring.
+    """
+    home = ENVIRONMENTS / environment
+    if not (home / ".installed").exists():
+        pytest.skip(f"needs .venv/readers/{environment}; `make readers` makes it")
+    folder = project / ".envs" / name
+    subprocess.run([home / "bin" / "python", "-m", "venv", "--without-pip", folder], check=True)
+    (packages,) = (folder / "lib").glob("python*/site-packages")
+    (theirs,) = (home / "lib").glob("python*/site-packages")
+    (packages / "theirs.pth").write_text(f"{theirs}\nimport operators\n")
+    (packages / "operators.py").write_text(OPERATORS)
+    (project / "envs").mkdir(exist_ok=True)
+    (project / "envs" / f"{name}.lock").write_text(f"as in .ci/readers/{environment}.txt\n")
 
 
 def read(name: str, script: str, data: Path, out: Path) -> dict[str, np.ndarray]:
