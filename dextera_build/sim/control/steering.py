@@ -61,15 +61,16 @@ class Steering:
         self._channels = contract.inputs
 
     def numbers(self, inputs: Fields) -> np.ndarray:
-        """The network's input for one sample of every channel, (1, N) float32."""
-        plain = _flat(inputs, self._channels)
-        if self._palm is None:
+        """The network's input for samples of every channel, (B, N) float32."""
+        plain, palm = _flat(inputs, self._channels), self._palm
+        if palm is None:
             return plain
-        return np.concatenate([plain, self._palm.places(_raw(inputs, self._channels, "joints"))[None]], axis=1)
+        joints = _raw(inputs, self._channels, "joints")
+        return np.concatenate([plain, np.stack([palm.places(each) for each in joints])], axis=1)
 
     def steered(self, decision: np.ndarray, inputs: Fields) -> np.ndarray:
         """`targets` with the joints and last targets of `inputs`."""
-        sent, joints = (_raw(inputs, self._channels, name) for name in ("previous_action", "joints"))
+        sent, joints = (_raw(inputs, self._channels, name)[0] for name in ("previous_action", "joints"))
         return self.targets(decision, sent, joints)
 
     def targets(self, decision: np.ndarray, sent: np.ndarray, joints: np.ndarray) -> np.ndarray:
@@ -103,9 +104,9 @@ def _flat(inputs: Fields, channels: tuple[Channel, ...]) -> np.ndarray:
 
 
 def _raw(inputs: Fields, channels: tuple[Channel, ...], name: str) -> np.ndarray:
-    """The single sample of a plain channel as observed, (K,) float64."""
+    """The samples of a plain channel as observed, (B, K) float64."""
     channel = next(channel for channel in channels if channel.name == name)
-    sample = inputs[name].reshape(-1).astype(np.float64)
+    sample = inputs[name].reshape(len(inputs[name]), -1).astype(np.float64)
     return sample * np.array(channel.scale) + np.array(channel.mean) if channel.scale else sample
 
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import mujoco
 import numpy as np
 
 from dextera_build.sim.control.mechanism import Mechanism
 from dextera_build.sim.model.compose import ROBOT
-from dextera_build.sim.primitives.base import lengths
+from dextera_build.sim.primitives.base import Primitive, lengths
 from dextera_build.sim.primitives.state import TaskState
+from dextera_build.sim.primitives.success import Judge
 from dextera_build.sim.runtime.environment import Environment
 
 SHARE = 0.95
@@ -42,22 +46,27 @@ class Progress:
         """Value of the current state, `now` (N = 1) if the caller has it; see `dextera_build.sim.primitives`."""
         environment = self._environment
         state, start = now or environment.state(), environment.judge.start
-        reach_m = np.array([self.reach_m(state)])
+        (pushed,) = _pushed(environment.primitive, start, state)
+        reach_m = np.array([self.reach_m(state, 0, pushed)])
         return float(environment.primitive.value(reach_m, start, state, np.array([success]))[0])
 
-    def reach_m(self, state: TaskState) -> float:
-        """Distance of the fingertips from their target in the state (N = 1) [m].
+    def reach_m(self, state: TaskState, number: int, pushed: tuple[str, float] | None) -> float:
+        """Distance of the fingertips from their target [m].
 
         For a joint, the distance of the nearest fingertip from the contact point of the push. Otherwise the mean
         distance of fingertips from the object: of the nearest hand, or of every hand that the task names.
+
+        Args:
+            state: States, with that of this world.
+            number: Number of this world among them.
+            pushed: Joint to be pushed and by how much; None: the fingertips should reach the object.
         """
         environment, data = self._environment, self._environment.data
         tips = np.asarray(data.site_xpos[self._tips])
-        pushed = environment.primitive.pushed(environment.judge.start, state)
         if pushed is not None:
-            (name,), (way,) = (each.tolist() for each in pushed)
+            name, way = pushed
             return float(self._link(name).distances(data, way, tips).min())
-        distances = self._distances(state, tips)
+        distances = self._distances(state, number, tips)
         # `mean` takes several times as long as sums.
         means = [float(np.add.reduce(distances[hand])) / (hand.stop - hand.start) for hand in self._hands]
         return float(sum(means) / len(means) if environment.task.limbs else min(means))
@@ -70,11 +79,34 @@ class Progress:
             self._links = {key: _Link(self._model, name)} | {k: v for k, v in self._links.items() if k[1] == key[1]}
         return self._links[key]
 
-    def _distances(self, state: TaskState, tips: np.ndarray) -> np.ndarray:
-        local = (tips - state.place[0]) @ state.world_from_object[0, :3, :3]
+    def _distances(self, state: TaskState, number: int, tips: np.ndarray) -> np.ndarray:
+        local = (tips - state.place[number]) @ state.world_from_object[number, :3, :3]
         # NumPy sums over a first axis four times as fast as over a last one of three.
         apart = local.T[:, :, None] - self._points[:, None]
         return np.asarray(np.sqrt((apart * apart).sum(axis=0).min(axis=1)))
+
+
+def values(worlds: Sequence[Progress], judge: Judge, success: np.ndarray, now: TaskState) -> np.ndarray:
+    """Values of the states of several worlds (N,).
+
+    Args:
+        worlds: The progress in every world.
+        judge: Follows their episodes.
+        success: Whether the task is done (N,).
+        now: Their states.
+    """
+    primitive = judge.primitive
+    pushed = _pushed(primitive, judge.start, now)
+    reach_m = [each.reach_m(now, number, pushed[number]) for number, each in enumerate(worlds)]
+    return primitive.value(np.array(reach_m), judge.start, now, success)
+
+
+def _pushed(primitive: Primitive[Any], start: TaskState, now: TaskState) -> list[tuple[str, float] | None]:
+    """Joint to move next in every world, and by how much; None: reaching aims at the object itself."""
+    found = primitive.pushed(start, now)
+    if found is None:
+        return [None] * len(now.time_s)
+    return list(zip(*(each.tolist() for each in found), strict=True))
 
 
 def _sites(environment: Environment) -> list[np.ndarray]:

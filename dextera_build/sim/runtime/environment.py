@@ -158,12 +158,17 @@ class Environment:
         self.steps = 0
         self.previous_action = self.data.ctrl[self._actuators].copy()
         self._earlier = self.previous_action
-        shapes = {name: each.sized(start.size_scale.get(name, 1.0)) for name, each in self.bundle.objects.items()}
         self._ranges = {name: self.model.jnt_range[[joint]] for name, joint, _, _ in self._inner}
         self.now = self.state()
         """The quantities that determine success, at the end of the last control period."""
-        self.judge = Judge(self._judged, self.now, shapes, staged=self.staged)
+        self.judge = self.judge_of(self.now)
         return self.observe()
+
+    def judge_of(self, start: TaskState) -> Judge:
+        """A judge of episodes with the goal and the sizes of this one, with the given states at their starts."""
+        sizes = self.start.size_scale
+        shapes = {name: each.sized(sizes.get(name, 1.0)) for name, each in self.bundle.objects.items()}
+        return Judge(self._judged, start, shapes, staged=self.staged)
 
     def step(self, action: np.ndarray) -> Outcome:
         """Send joint targets for one control period.
@@ -173,7 +178,7 @@ class Environment:
         target = self.limited(action)
         if target is None:
             return self.broken(action)
-        self._advance(target)
+        self.advance(target)
         return self.conclude(target)
 
     def limited(self, action: np.ndarray) -> np.ndarray | None:
@@ -202,15 +207,35 @@ class Environment:
 
     def conclude(self, target: np.ndarray) -> Outcome:
         """End a control period in which `target` was sent, with positions and forces up to date."""
+        self.count(target)
+        if self.diverged:
+            return self.outcome(target, self.judge, False)
+        self.now = self.state()
+        return self.outcome(target, self.judge, bool(self.judge.update(self.now)[0]))
+
+    def count(self, target: np.ndarray) -> None:
+        """Count a control period in which `target` was sent."""
         self._earlier, self.previous_action = self.previous_action, target
         self.steps += 1
-        # Written to be true on NaN.
-        if not np.abs(self._qvel).max() <= 1e4:
+
+    @property
+    def diverged(self) -> bool:
+        """Whether a speed is beyond any sense, or not a number."""
+        return not np.abs(self._qvel).max() <= 1e4
+
+    def outcome(self, target: np.ndarray, judge: Judge, success: bool, number: int = 0) -> Outcome:
+        """The outcome of a control period that is counted.
+
+        Args:
+            target: What was sent (A,) [rad].
+            judge: Follows the episode.
+            success: Its verdict.
+            number: Number of this world among those of the judge.
+        """
+        if self.diverged:
             return Outcome(False, True, "the simulation diverged", target)
-        self.now = self.state()
-        success = bool(self.judge.update(self.now)[0])
         late = self.steps * self.period_s >= self.task.timeout_s - 1e-9
-        reason = "" if success or not late else self._why()
+        reason = "" if success or not late else self._why(judge, number)
         return Outcome(success, success or late, reason, target)
 
     def send(self, targets: np.ndarray) -> np.ndarray:
@@ -296,7 +321,8 @@ class Environment:
         """T_world_body (4, 4)."""
         return transforms.rigid(self._xmat[body].reshape(3, 3), self._xpos[body])
 
-    def _advance(self, target: np.ndarray) -> None:
+    def advance(self, target: np.ndarray) -> None:
+        """Simulate a control period on the way to `target` (A,) [rad], and make positions and forces match."""
         # The first step can reuse the results of `mj_forward`, unless positions were changed since.
         ready = self._seen == (self._qpos.tobytes(), self._qvel.tobytes())
         for steps in self.commands(target):
@@ -322,10 +348,10 @@ class Environment:
             reason = f"the action for `{bad}` is not a finite number"
         return Outcome(False, True, reason, self.previous_action.copy())
 
-    def _why(self) -> str:
-        if self.judge.held_at_reset[0]:
+    def _why(self, judge: Judge, number: int) -> str:
+        if judge.held_at_reset[number]:
             return "the condition held at the start already"
-        return f"not done within {self.task.timeout_s:g} s: {self.judge.reasons[0] or 'not held for long enough'}"
+        return f"not done within {self.task.timeout_s:g} s: {judge.reasons[number] or 'not held for long enough'}"
 
     def _index(self) -> None:
         model, robot = self.model, self.bundle.robot

@@ -21,7 +21,7 @@ from dextera_build.policy.running import Policy, PolicyFault, Runner
 from dextera_build.sim.observe.progress import Progress
 from dextera_build.sim.observe.sensors import Sensors
 from dextera_build.sim.runtime.environment import Environment
-from dextera_build.sim.runtime.privileged import Simulated, privileged
+from dextera_build.sim.runtime.privileged import Simulated, values
 from dextera_build.sim.runtime.recorder import Recorder
 from dextera_build.sim.runtime.rollout import Look
 from dextera_build.sim.training.insight import INSIGHT, insight
@@ -67,7 +67,7 @@ class Teacher:
         inputs = self._reader.read(observed(world.observe()) | {WORLD: self._world})
         if self._limb:
             value = self._progress.value(False, world.now)
-            inputs[INSIGHT] = insight(world, self._limb, privileged(self._simulated).values, value)[None]
+            inputs[INSIGHT] = insight([world], self._limb, values(self._simulated), [value])
         made = self._predict(inputs, world.steps)[0]
         if not np.isfinite(made).all():
             raise PolicyFault(f"the teacher gave NaN at step {world.steps}", code="DXB-B511")

@@ -40,11 +40,13 @@ class PpoOptions(Options):
     layers: int = Field(2, ge=1)
     """Number of layers."""
     steps: int = Field(80_000, ge=1)
-    """Total decisions of the training, over all environments."""
+    """Total decisions of the training, over all worlds."""
     worlds: int = Field(8, ge=1)
-    """Number of parallel environments."""
+    """Number of worlds in which the policy practises at once."""
+    threads: int = Field(1, ge=1)
+    """Threads that step the worlds; a build counts on one, and the result is the same for any number."""
     rollout: int = Field(32, ge=1)
-    """Decisions per environment between two updates."""
+    """Decisions per world between two updates."""
     batch: int = Field(128, ge=2)
     """Decisions per gradient step."""
     epochs: int = Field(10, ge=1)

@@ -18,7 +18,7 @@ from dextera_build.errors import RuleError
 from dextera_build.learning import weights
 from dextera_build.rule import Context
 from dextera_build.sim.runtime.environment import Environment
-from dextera_build.sim.training.practice import Practice
+from dextera_build.sim.training.practice import Practices
 from dextera_build.testing import RuleRunner
 from tests import episodes, task_bundles
 from tests.policy.policies import load, runner
@@ -166,19 +166,19 @@ def test_a_policy_acts_as_it_practised(tmp_path: Path) -> None:
     import torch
 
     made = learn(tmp_path)
-    practice = Practice(BUNDLE, made.contract)
+    practice = Practices(BUNDLE, made.contract)
     ppo = runner("ppo").network
     network = ppo.of_contract(made.contract)
     weights.fill(network, weights.from_bytes(made.weights))
-    seen, _ = practice.reset()
+    seen = practice.reset()
     practised = []
     for _ in range(6):
         with torch.inference_mode():
-            decision = ppo.decide(network, seen[None, : practice.public])
-        seen, *_ = practice.step(decision)
-        practised.append(practice.seen["deployable/previous_action"])
+            decision = ppo.decide(network, seen[:, : practice.public])
+        seen = practice.step([decision]).numbers
+        practised.append(practice.seen["deployable/previous_action"][0])
     environment, policy = Environment(BUNDLE), load(made, BUNDLE)
-    environment.begin(practice._task.environment.start)
+    environment.begin(practice.worlds.environments[0].start)
     acted = []
     for _ in range(6 * 4):
         environment.step(policy.act(environment.observe()))
@@ -208,13 +208,14 @@ def test_a_policy_holds_nothing_of_its_critic(tmp_path: Path) -> None:
 
 def test_privileged_numbers_full_of_nan_leave_actor_and_normalisation_alone(tmp_path: Path) -> None:
     made = learn(tmp_path, steps=32)
-    practice = Practice(BUNDLE, made.contract)
-    practice.reset()
-    clean = practice._observation()[: practice.public]
+    practice = Practices(BUNDLE, made.contract)
+    clean = practice.reset()[:, : practice.public]
     for name, value in practice.seen.items():
         if name.startswith("privileged/"):
             value[:] = np.nan
-    assert np.array_equal(practice._observation()[: practice.public], clean)
+    numbers = practice._numbers()
+    assert np.array_equal(numbers[:, : practice.public], clean)
+    assert np.isnan(numbers[:, practice.public :]).any()
 
 
 def test_normalisation_is_fixed_by_the_bundle(tmp_path: Path) -> None:

@@ -71,6 +71,7 @@ class Primitive(base.Primitive[HandoverGoal]):
     """
 
     goal_type = HandoverGoal
+    shaped = False
     hands = 2
     stages = ("touched", "given", "in both hands", "taken")
 
