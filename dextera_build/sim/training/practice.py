@@ -144,5 +144,5 @@ class Practices:
         self._inputs = self._reader.read(fields)
         known = {name.removeprefix(hidden): part for name, part in seen.items() if name.startswith(hidden)}
         values = [task.value for task in self.worlds.tasks]
-        more = insight(self.worlds.environments, self._steering.limb, known, values)
+        more = insight(self.worlds.environments, self._steering.limbs, known, values)
         return np.concatenate([self._steering.numbers(self._inputs), more], axis=1)

@@ -21,10 +21,15 @@ class PpoOptions(Options):
     teacher, which acts in simulation only; `demonstrate.teach` has it correct a student."""
     groups: tuple[Group, ...] = ("arm",)
     """Groups of controlled joints; all others are fixed as in `grip`."""
+    closes: bool | None = None
+    """Whether one decision per hand closes its fingers, from the open to the closed posture of `grip`; None: if hands
+    carry the object, as in a lift. Joints of a group are controlled one by one instead."""
     control: Literal["palm", "joints"] = "palm"
     """Control of the arm: by steps of the palm with fixed orientation, or joint by joint."""
     step_m: float = Field(0.15, gt=0.0)
     """Maximum step of the palm per decision and axis [m]; light and slippery objects must be pushed quickly."""
+    turn_rad: float = Field(0.0, ge=0.0)
+    """Maximum rotation of the palm per decision about each axis of the base [rad]; 0: its orientation is fixed."""
     grip: str | None = None
     """Posture of the fingers, one of the robot's grips; None: the first suitable one, otherwise home."""
     lean_rad: float = Field(0.4, ge=-1.6, le=1.6)
