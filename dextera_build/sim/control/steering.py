@@ -6,10 +6,11 @@ the last targets and the joint positions, so that no state is kept between decis
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.robots.limb import Limb
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.tasks.policy import Channel, PolicyContract
 from dextera_build.geometry import lie, quaternions, transforms
@@ -62,9 +63,8 @@ class Steering:
         """The limbs whose palms move."""
         palm, grips = settings["control"] == "palm", str(settings.get("grip", "")).split()
         self._palms = [_Palm(robot, limb, names, self._rest, turn) for limb in self.limbs] if palm else []
-        self._fingers = [
-            _Fingers(robot.limbs[limb], grip, names, self._rest) for limb, grip in zip(self.limbs, grips, strict=False)
-        ]
+        hands = [robot.limbs[limb].grips[grip] for limb, grip in zip(self.limbs, grips, strict=False)]
+        self._fingers = [_Fingers(grip.closed, names, self._rest) for grip in hands]
         self._turn_rad = float(settings.get("turn_rad", 0.0))
         self._each = 6 if self._turn_rad else 3
         self.size = len(self._palms) * self._each + len(self._fingers) + len(self._single)
@@ -176,10 +176,9 @@ class _Palm:
 
 
 class _Fingers:
-    """The fingers of a hand, on the way from where they rest to the closed posture of a grip or of a gripper."""
+    """The fingers of a hand, on the way from where they rest to the closed posture of a grip."""
 
-    def __init__(self, limb: Limb, grip: str, names: tuple[str, ...], rest: np.ndarray) -> None:
-        closed = {limb.gripper.joint: limb.gripper.closed} if limb.gripper else limb.grips[grip].closed
+    def __init__(self, closed: Mapping[str, float], names: tuple[str, ...], rest: np.ndarray) -> None:
         moved = [name for name, end in closed.items() if name in names and end != rest[names.index(name)]]
         self.joints = np.array([names.index(name) for name in moved], int)
         self._open = rest[self.joints]

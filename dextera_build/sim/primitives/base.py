@@ -234,6 +234,10 @@ class Primitive(ABC, Generic[G]):
         """Limbs with different roles in the goal, in the order of the roles."""
         return ()
 
+    def reaching(self, now: TaskState) -> np.ndarray | None:
+        """Limb whose hand should reach the object next (N,) str; None: the nearest, or all that the task names."""
+        return None
+
     def pushed(self, start: TaskState, now: TaskState) -> tuple[np.ndarray, np.ndarray] | None:
         """Joint to move next (N,) str and by how much (N,) [rad or m]; None: reaching aims at the object itself."""
         return None

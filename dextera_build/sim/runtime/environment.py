@@ -111,14 +111,14 @@ class Environment:
         self._known = _Frame.of(bundle.base_pose.matrix)
         self.begin(starts.photographed(bundle, self.model))
 
-    def reset(self, seed: int, stratum: Stratum | None = None) -> DeployableObservation:
-        """Begin an episode at a start drawn by `draw`.
+    def reset(self, seed: int, stratum: Stratum | None = None, share: float = 1.0) -> DeployableObservation:
+        """Begin an episode at a start drawn by `draw`, from a fraction `share` of the task's ranges.
 
         Raises:
             RuleError: No start without collisions was found; the running episode continues.
         """
         try:
-            start = self._drawn(seed, stratum)
+            start = self._drawn(seed, stratum, share)
         except RuleError:
             self._dynamics.shape(self.start.size_scale, self.start.base_error)
             raise
@@ -135,14 +135,14 @@ class Environment:
             RuleError: No start without collisions was found.
         """
         try:
-            return self._drawn(seed, stratum)
+            return self._drawn(seed, stratum, 1.0)
         finally:
             self._dynamics.shape(self.start.size_scale, self.start.base_error)
 
-    def _drawn(self, seed: int, stratum: Stratum | None) -> Start:
+    def _drawn(self, seed: int, stratum: Stratum | None, share: float) -> Start:
         """A start; objects keep its sizes, and the robot its base."""
         changed, fair = self._dynamics, self.primitive.fair
-        return starts.draw(self.bundle, self.model, self._scratch, changed, seed, fair, stratum=stratum)
+        return starts.draw(self.bundle, self.model, self._scratch, changed, seed, fair, stratum=stratum, share=share)
 
     def begin(self, start: Start) -> DeployableObservation:
         """Begin an episode at a given start, without state from the previous one."""

@@ -113,7 +113,7 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         Args:
             seed: Seed of the start, as in `Environment.reset(seed)`; None: the next of a random sequence.
             options: `{"start": Start}` begins at that start instead; `{"stratum": Stratum}` draws one by stratified
-                sampling of a series.
+                sampling of a series; `{"share": 0.5}` draws it from half of the task's ranges.
         """
         self.begin(seed, options)
         self._last = self._observe()
@@ -127,7 +127,7 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             self.environment.begin(start)
         else:
             drawn = int(self.np_random.integers(2**62)) if seed is None else seed
-            self.environment.reset(drawn, stratum)
+            self.environment.reset(drawn, stratum, (options or {}).get("share", 1.0))
         start = self.environment.start
         self._sensors.reset(start.seed, start.variation.noise)
         if self._eyes is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,8 +21,17 @@ from dextera_build.sim.training.gym import DEPLOYABLE, PRIVILEGED
 from dextera_build.sim.training.insight import insight
 from dextera_build.sim.training.worlds import Observations, Steps, TaskWorlds
 
-Place = tuple[int, list[np.ndarray]]
-"""State of one world: number of its episode, decisions since its start."""
+
+@dataclass(frozen=True)
+class Place:
+    """State of one world."""
+
+    episode: int = -1
+    """Number of its episode."""
+    share: float = 1.0
+    """Fraction of the task's ranges from which its start was drawn."""
+    decisions: tuple[np.ndarray, ...] = ()
+    """Decisions (M,) since its start."""
 
 
 @dataclass(frozen=True)
@@ -69,8 +78,10 @@ class Practices:
         # One for all worlds, because it keeps nothing between decisions.
         self._steering = Steering(bundle.robot, contract)
         self._seed = seed
-        self.places: list[Place] = [(-1, []) for _ in range(count)]
+        self.places = [Place()] * count
         """The state of every world."""
+        self.share = 1.0
+        """Fraction of the task's ranges from which starts are drawn."""
         self._inputs: Fields = {}
         self.seen: Observations = {}
         """The observation from which `numbers` were made last."""
@@ -88,7 +99,7 @@ class Practices:
         """Begin the next episode in these worlds, None: in all; the observations of all worlds (N, K + P)."""
         chosen = range(len(self.places)) if numbers is None else numbers
         for number in chosen:
-            self.places[number] = (self.places[number][0] + 1, [])
+            self.places[number] = Place(self.places[number].episode + 1, self.share)
         self.worlds.begin(chosen, self._begin)
         return self._observed(())
 
@@ -99,7 +110,8 @@ class Practices:
             if decision is None:
                 goals.append(None)
                 continue
-            self.places[number][1].append(np.array(decision, np.float32))
+            place = self.places[number]
+            self.places[number] = replace(place, decisions=(*place.decisions, np.array(decision, np.float32)))
             inputs = {name: part[number : number + 1] for name, part in self._inputs.items()}
             goals.append(self._steering.steered(decision, inputs))
         outcomes = self._carried_out(goals)
@@ -109,10 +121,11 @@ class Practices:
 
     def go_to(self, places: Sequence[Place]) -> np.ndarray:
         """Restore the worlds after these decisions of their episodes, exactly; the observations (N, K + P)."""
-        self.places = [(episode - 1, []) for episode, _ in places]
-        numbers = self.reset()
-        for step in range(max(len(decisions) for _, decisions in places)):
-            numbers = self.step([done[step] if step < len(done) else None for _, done in places]).numbers
+        self.places = [replace(place, decisions=()) for place in places]
+        self.worlds.begin(range(len(places)), self._begin)
+        numbers, made = self._observed(()), [place.decisions for place in places]
+        for step in range(max(map(len, made))):
+            numbers = self.step([each[step] if step < len(each) else None for each in made]).numbers
         return numbers
 
     def close(self) -> None:
@@ -120,7 +133,8 @@ class Practices:
         self.worlds.close()
 
     def _begin(self, number: int) -> None:
-        self.worlds.tasks[number].begin(seed_of(self._seed, number, self.places[number][0]))
+        place = self.places[number]
+        self.worlds.tasks[number].begin(seed_of(self._seed, number, place.episode), {"share": place.share})
 
     def _carried_out(self, goals: Sequence[np.ndarray | None]) -> list[Outcome | None]:
         """Send targets (T, A) for T control periods, until an episode is over."""

@@ -87,4 +87,7 @@ def _report(ctx: Context, practised: Practised) -> None:
         )
     success = float(practised.success[-1])
     ctx.metric("success while exploring", success)
-    ctx.say(f"{last:,} decisions, {practised.episodes:,} episodes, {100 * success:.0f} % success while exploring")
+    within = "" if practised.share == 1.0 else f" within {100 * practised.share:.0f} % of the ranges of starts"
+    ctx.say(
+        f"{last:,} decisions, {practised.episodes:,} episodes, {100 * success:.0f} % success while exploring{within}"
+    )

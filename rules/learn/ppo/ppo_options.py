@@ -66,6 +66,10 @@ class PpoOptions(Options):
     """Initial standard deviation of decisions."""
     average: float = Field(0.97, ge=0.0, lt=1.0)
     """Decay per update of the running average of weights that forms the policy."""
+    curriculum: int = Field(1, ge=1)
+    """Steps in which the ranges of starts widen to those of the task, each once `passing` is reached; 1: no steps."""
+    passing: float = Field(0.6, gt=0.0, le=1.0)
+    """Share of the latest episodes that must succeed, while exploring, before the ranges widen."""
     seed: int = Field(0, ge=0)
     """Seed of initial weights, exploration and starts."""
 

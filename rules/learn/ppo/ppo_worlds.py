@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ from gymnasium import spaces
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 
-from dextera_build.sim.training.practice import Place, Practices
+from dextera_build.sim.training.practice import Practices
 
 
 class Worlds(VecEnv):
@@ -49,14 +48,6 @@ class Worlds(VecEnv):
                 infos[number]["terminal_observation"] = seen[number].copy()
             seen = self.practices.reset(numbers)
         return seen, steps.rewards.astype(np.float32), done, infos
-
-    def places(self) -> list[Place]:
-        """The state of every world."""
-        return [(episode, list(decisions)) for episode, decisions in self.practices.places]
-
-    def go_to(self, places: Sequence[Place]) -> np.ndarray:
-        """Restore the states `places`; return the observations (N, K)."""
-        return self.practices.go_to(places)
 
     def close(self) -> None:
         """Free the threads."""

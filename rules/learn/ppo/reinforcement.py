@@ -106,18 +106,13 @@ def grip_of(bundle: TaskBundle, limb: str, name: str | None) -> Grip | None:
 def _closing(bundle: TaskBundle, options: PpoOptions) -> list[str]:
     """The grip that a decision closes, for each limb; none if fingers stay open or are moved one by one."""
     carries = catalogue.kind(bundle.task.primitive).carries
-    found: list[str] = []
     if "hand" in options.groups or not (carries if options.closes is None else options.closes):
-        return found
+        return []
+    found = []
     for name in limbs_of(bundle):
-        limb, grip = bundle.robot.limbs[name], grip_of(bundle, name, options.grip)
-        if limb.gripper is not None:
-            found.append("gripper")
-        elif grip is not None and grip.closed:
-            found.append(next(label for label, each in limb.grips.items() if each is grip))
-        else:
-            return []
-    return found
+        grip, grips = grip_of(bundle, name, options.grip), bundle.robot.limbs[name].grips
+        found += [label for label, each in grips.items() if each is grip and each.closed]
+    return found if len(found) == len(limbs_of(bundle)) else []
 
 
 def _turned(grip: Grip, heading_rad: float, lean_rad: float) -> dict[str, float]:

@@ -2,8 +2,8 @@
 
     python -m tests.benchmarks.worlds cache/out/task/kl/lift_mustard_bottle/task/task.bundle --worlds 1 4 16 64
 
-All columns of a row are measured alternately in short rounds of the same run, in wall time and in processor time of all
-threads; the median of the rounds counts. On a machine with other work, only the shares in processor time mean something.
+All columns of a row are measured alternately in short rounds of the same run, in wall time and in processor time of
+all threads; the median of the rounds counts. On a machine with other work, only shares in processor time say something.
 """
 
 from __future__ import annotations

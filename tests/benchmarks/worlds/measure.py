@@ -1,7 +1,7 @@
 """Measure worlds of a task in one process beside MuJoCo alone: the same models, targets, substeps and threads.
 
-Every world observes, judges, rewards and begins again: the episodes are spread evenly over their length, so that each round
-has its share of resets.
+Every world observes, judges, rewards and begins again: the episodes are spread evenly over their length, so that each
+round has its share of resets.
 """
 
 from __future__ import annotations
