@@ -186,8 +186,11 @@ class Environment:
         action = np.asarray(action, np.float64)
         if action.shape != self.lower.shape or not np.isfinite(action).all():
             return None
-        before = self.previous_action
-        near = np.minimum(np.maximum(action, before - self._reach), before + self._reach)
+        return self.within(action, self.previous_action)
+
+    def within(self, actions: np.ndarray, before: np.ndarray) -> np.ndarray:
+        """Actions (..., A) [rad] limited to the ranges and the speeds of joints, where `before` was sent last."""
+        near = np.minimum(np.maximum(actions, before - self._reach), before + self._reach)
         return np.asarray(np.minimum(np.maximum(near, self.lower), self.upper))
 
     def commands(self, target: np.ndarray) -> Iterator[int]:

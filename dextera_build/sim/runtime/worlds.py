@@ -16,6 +16,9 @@ from dextera_build.policy.added import AddedTerm
 from dextera_build.sim.primitives.state import stacked
 from dextera_build.sim.runtime.environment import Environment, Outcome
 
+Wanted = np.ndarray | Outcome | None
+"""What is sent to a world: joint targets (A,) [rad], nothing because of the outcome of a fault, or nothing at all."""
+
 
 def side_by_side(bundle: TaskBundle, count: int, terms: Sequence[AddedTerm] = ()) -> list[Environment]:
     """Environments of one task, whose model is compiled once; every one randomises its own copy.
@@ -27,6 +30,24 @@ def side_by_side(bundle: TaskBundle, count: int, terms: Sequence[AddedTerm] = ()
     """
     first = Environment(bundle, terms=terms)
     return [first, *(Environment(bundle, copy.copy(first.model), terms) for _ in range(count - 1))]
+
+
+def limited(worlds: Sequence[Environment], wanted: Sequence[Wanted]) -> list[Wanted]:
+    """What is sent to worlds of one task, see `Environment.limited`; an outcome if something cannot be sent."""
+    found = list(wanted)
+    shape, numbers = worlds[0].lower.shape, list[int]()
+    for number, (world, each) in enumerate(zip(worlds, wanted, strict=True)):
+        if isinstance(each, np.ndarray):
+            if each.shape == shape and np.isfinite(each).all():
+                numbers.append(number)
+            else:
+                found[number] = world.broken(each)
+    if numbers:
+        actions = np.array([wanted[number] for number in numbers], np.float64)
+        before = np.array([worlds[number].previous_action for number in numbers])
+        for number, target in zip(numbers, worlds[0].within(actions, before), strict=True):
+            found[number] = target
+    return found
 
 
 class Verdicts:

@@ -144,7 +144,7 @@ class Practices:
                 None if goal is None or (last is not None and last.over) else goal[period]
                 for goal, last in zip(goals, outcomes, strict=True)
             ]
-            found = self.worlds.advance(wanted.__getitem__)
+            found = self.worlds.advance(wanted)
             outcomes = [new or last for new, last in zip(found, outcomes, strict=True)]
         return outcomes
 

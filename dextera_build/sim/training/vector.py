@@ -13,7 +13,8 @@ from gymnasium.vector.utils import batch_space
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.policy.added import AddedTerm
 from dextera_build.sim.runtime.environment import Outcome
-from dextera_build.sim.training.worlds import Observations, TaskWorlds, Wanted
+from dextera_build.sim.runtime.worlds import Wanted
+from dextera_build.sim.training.worlds import Observations, TaskWorlds
 
 
 class TaskVectorEnv(VectorEnv[Observations, np.ndarray, np.ndarray]):
@@ -64,11 +65,7 @@ class TaskVectorEnv(VectorEnv[Observations, np.ndarray, np.ndarray]):
     def step(self, actions: np.ndarray) -> tuple[Observations, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Send actions (N, ...), one per copy, for one control period; rewards, terminated and truncated are (N,)."""
         tasks = self.worlds.tasks
-
-        def wanted(number: int) -> Wanted:
-            return None if self._over[number] else tasks[number].targets(actions[number])
-
-        outcomes = self.worlds.advance(wanted)
+        outcomes = self.worlds.advance(self._wanted(actions))
         steps = self.worlds.steps(outcomes)
         begun = np.flatnonzero(self._over).tolist()
         self.worlds.begin(begun, lambda number: tasks[number].begin())
@@ -83,6 +80,19 @@ class TaskVectorEnv(VectorEnv[Observations, np.ndarray, np.ndarray]):
     def render(self) -> tuple[Any, ...] | None:
         """The picture of every copy, see `TaskEnv.render`; None without a render mode."""
         return None if self.render_mode is None else tuple(each.render() for each in self.worlds.tasks)
+
+    def _wanted(self, actions: np.ndarray) -> list[Wanted]:
+        """What is sent to every copy; nothing where an episode is over."""
+        tasks, over = self.worlds.tasks, self._over.tolist()
+        spec = tasks[0].actions.spec
+        if spec.kind != "joint":
+            return self.worlds.each(lambda number: None if over[number] else tasks[number].targets(actions[number]))
+        clipped = np.minimum(np.maximum(np.asarray(actions, np.float64), spec.lower), spec.upper)
+        fine = np.isfinite(clipped).all(axis=1).tolist()
+        return [
+            None if over[number] else clipped[number] if fine[number] else tasks[number].targets(actions[number])
+            for number in range(self.num_envs)
+        ]
 
     def _infos(self, outcomes: Sequence[Outcome | None]) -> dict[str, Any]:
         """The facts of `TaskEnv` in all copies, and as in every vector environment whether a copy has them."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -21,13 +21,12 @@ from dextera_build.policy.terms import Term
 from dextera_build.sim.observe import progress
 from dextera_build.sim.runtime import privileged
 from dextera_build.sim.runtime.environment import Outcome
-from dextera_build.sim.runtime.worlds import Verdicts, side_by_side
+from dextera_build.sim.runtime.worlds import Verdicts, Wanted, limited, side_by_side
 from dextera_build.sim.training.gym import TaskEnv, opened
 from dextera_build.sim.training.threads import Threads
 
+T = TypeVar("T")
 Observations = dict[str, np.ndarray]
-Wanted = np.ndarray | Outcome | None
-"""What is sent to a world: joint targets (A,) [rad], nothing because of the outcome of a fault, or nothing at all."""
 
 
 @dataclass(frozen=True)
@@ -81,18 +80,29 @@ class TaskWorlds:
         self._threads.each(lambda each: begun(numbers[each]), len(numbers))
         self._verdicts.begin(numbers)
 
-    def advance(self, wanted: Callable[[int], Wanted]) -> list[Outcome | None]:
+    def each(self, work: Callable[[int], T]) -> list[T]:
+        """The results of a function of the number of a world, called in threads."""
+        return self._threads.each(work, len(self.tasks))
+
+    def advance(self, wanted: Sequence[Wanted]) -> list[Outcome | None]:
         """Simulate one control period.
 
         Args:
-            wanted: Number of a world -> what is sent to it; called in its thread.
+            wanted: What is sent to every world.
 
         Returns:
             The outcome in every world; None where nothing was wanted.
         """
-        found = self._threads.each(lambda number: self._advanced(number, wanted(number)), len(self.tasks))
-        concluded = self._verdicts.conclude([each if isinstance(each, np.ndarray) else None for each in found])
-        return [each if isinstance(each, Outcome) else done for each, done in zip(found, concluded, strict=True)]
+        sent = limited(self.environments, wanted)
+
+        def step(number: int) -> None:
+            target = sent[number]
+            if isinstance(target, np.ndarray):
+                self.environments[number].advance(target)
+
+        self.each(step)
+        concluded = self._verdicts.conclude([each if isinstance(each, np.ndarray) else None for each in sent])
+        return [each if isinstance(each, Outcome) else done for each, done in zip(sent, concluded, strict=True)]
 
     def steps(self, outcomes: Sequence[Outcome | None]) -> Steps:
         """The rewards of control periods that ended with these outcomes, one per world; None: it stood still."""
@@ -134,17 +144,6 @@ class TaskWorlds:
         self._threads.close()
         for task in self.tasks:
             task.close()
-
-    def _advanced(self, number: int, wanted: Wanted) -> Wanted:
-        """Simulate one world; what was sent to it, or why nothing was."""
-        world = self.environments[number]
-        if not isinstance(wanted, np.ndarray):
-            return wanted
-        target = world.limited(wanted)
-        if target is None:
-            return world.broken(wanted)
-        world.advance(target)
-        return target
 
     def _values(self, success: np.ndarray) -> np.ndarray:
         """Values of the current states (N,)."""

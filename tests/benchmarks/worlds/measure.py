@@ -135,7 +135,9 @@ class _Raw:
         self._actuators = [first.model.actuator("robot/" + joint.name).id for joint in first.bundle.robot.joints]
         self._home, self._substeps = first.previous_action.copy(), first.substeps
         self._random, self._threads = np.random.default_rng(0), Threads(threads, len(worlds))
-        self._rollout = rollout.Rollout(nthread=threads if len(worlds) > 1 else 0)
+        threads = min(threads, len(worlds))
+        # It steps on the calling thread with 0.
+        self._rollout = rollout.Rollout(nthread=threads if threads > 1 else 0)
         self._scratch = [mujoco.MjData(first.model) for _ in range(threads)]
         kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
         self._states = np.zeros((len(worlds), mujoco.mj_stateSize(first.model, kind)))

@@ -45,7 +45,7 @@ def test_worlds_fare_as_each_would_alone(bundle: TaskBundle, shared: bool) -> No
         wanted = [LIFT[period], None if period < 5 else LIFT[period - 5], LIFT[period]]
         if period == 40:
             wanted[2] = np.full(5, np.nan)
-        outcomes = together.advance(lambda number, wanted=wanted: wanted[number])
+        outcomes = together.advance(wanted)
         steps = together.steps(outcomes)
         if period == 41:
             together.begin([2], lambda number: together.tasks[number].begin(77))
@@ -71,7 +71,7 @@ def test_a_world_does_what_it_does_by_any_number_of_threads() -> None:
         worlds = TaskWorlds(bundle, 5, threads=threads, privileged=True)
         worlds.begin(range(5), lambda number, worlds=worlds: worlds.tasks[number].begin(number))
         for period in range(30):
-            outcomes = worlds.advance(lambda number, period=period: LIFT[period])
+            outcomes = worlds.advance([LIFT[period]] * 5)
         rewards = worlds.steps(outcomes).rewards
         found.append((rewards.tobytes(), {name: each.tobytes() for name, each in worlds.observe().items()}))
         worlds.close()
