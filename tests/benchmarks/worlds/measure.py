@@ -11,6 +11,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -48,6 +49,13 @@ class Found:
     """`mujoco.rollout` by as many threads, which begins every round with all bodies awake."""
     practice: Times
     """Decisions as `learn.ppo` takes them, with privileged observations and the arm's inverse kinematics."""
+    physics: list[float]
+    """Processor time of the physics of these decisions [s], in which the robot moves farther than in the others."""
+
+    @property
+    def practice_share(self) -> float:
+        """Processor time of the physics over that of the decisions, the middle one of the rounds."""
+        return float(np.median(np.array(self.physics) / np.array(self.practice[1])))
 
     def rate(self, times: Times) -> float:
         """Control periods per second of wall time, of all worlds together."""
@@ -80,19 +88,22 @@ def measured(bundle: TaskBundle, count: int, threads: int, rounds: int) -> Found
     several.reset(seed=0)
     _spread(several)
     practices, decide = _practices(bundle, count, threads)
+    parts = _physics_of(practices)
     raw = _Raw(several, threads)
-    found = Found(count, ([], []), ([], []), ([], []), ([], []))
+    found = Found(count, ([], []), ([], []), ([], []), ([], []), [])
     for _ in range(WARM + rounds):
         targets = raw.targets()
         timed(found.ours, lambda sent=targets: [several.step(each) for each in sent])
         timed(found.alone, lambda sent=targets: raw.step(sent))
         timed(found.rollout, lambda sent=targets: raw.roll(sent))
+        parts.clear()
         timed(found.practice, lambda: [decide() for _ in range(PERIODS // practices.every)])
+        found.physics.append(sum(parts))
     several.close()
     practices.close()
     raw.close()
     cut = [tuple(part[WARM:] for part in times) for times in (found.ours, found.alone, found.rollout, found.practice)]
-    return Found(count, *cut)
+    return Found(count, *cut, found.physics[WARM:])
 
 
 def _spread(several: TaskVectorEnv) -> None:
@@ -117,6 +128,20 @@ def _practices(bundle: TaskBundle, count: int, threads: int) -> tuple[Practices,
             practices.reset(over)
 
     return practices, decide
+
+
+def _physics_of(practices: Practices) -> list[float]:
+    """A list to which the physics of every world adds its processor time [s], thread by thread."""
+    parts: list[float] = []
+
+    def timed_advance(advance: Callable[[np.ndarray], None], target: np.ndarray) -> None:
+        began = time.thread_time()
+        advance(target)
+        parts.append(time.thread_time() - began)
+
+    for world in practices.worlds.environments:
+        world.advance = partial(timed_advance, world.advance)  # type: ignore[method-assign]
+    return parts
 
 
 class _Raw:
