@@ -20,7 +20,7 @@ from dextera_build.errors import MachineError, RuleError, install_extra
 from dextera_build.policy.added import AddedTerm
 from dextera_build.policy.observation import in_worlds
 from dextera_build.sim.runtime.environment import Outcome
-from dextera_build.sim.runtime.worlds import Verdicts, side_by_side
+from dextera_build.sim.runtime.verdicts import Verdicts, side_by_side
 
 CONTACTS, CONSTRAINTS = 256, 1024
 """Capacity for contacts, on average, and for constraint rows in each world; exceeding it is an error."""

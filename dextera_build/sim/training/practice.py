@@ -19,7 +19,7 @@ from dextera_build.sim.runtime.environment import Outcome
 from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.sim.training.gym import DEPLOYABLE, PRIVILEGED
 from dextera_build.sim.training.insight import insight
-from dextera_build.sim.training.worlds import Observations, Steps, TaskWorlds
+from dextera_build.sim.training.task_worlds import Observations, Steps, TaskWorlds
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Practised:
+class Decided:
     """One decision in every world."""
 
     numbers: np.ndarray
@@ -103,7 +103,7 @@ class Practices:
         self.worlds.begin(chosen, self._begin)
         return self._observed(())
 
-    def step(self, decisions: Sequence[np.ndarray | None]) -> Practised:
+    def step(self, decisions: Sequence[np.ndarray | None]) -> Decided:
         """Execute one decision (M,) in every world; None: the world stands still."""
         goals: list[np.ndarray | None] = []
         for number, decision in enumerate(decisions):
@@ -117,7 +117,7 @@ class Practices:
         outcomes = self._carried_out(goals)
         steps = self.worlds.steps(outcomes)
         success = np.array([outcome is not None and outcome.success for outcome in outcomes])
-        return Practised(self._observed(steps.faults), steps, success)
+        return Decided(self._observed(steps.faults), steps, success)
 
     def go_to(self, places: Sequence[Place]) -> np.ndarray:
         """Restore the worlds after these decisions of their episodes, exactly; the observations (N, K + P)."""

@@ -13,8 +13,8 @@ from gymnasium.vector.utils import batch_space
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.policy.added import AddedTerm
 from dextera_build.sim.runtime.environment import Outcome
-from dextera_build.sim.runtime.worlds import Wanted
-from dextera_build.sim.training.worlds import Observations, TaskWorlds
+from dextera_build.sim.runtime.verdicts import Wanted
+from dextera_build.sim.training.task_worlds import Observations, TaskWorlds
 
 
 class TaskVectorEnv(VectorEnv[Observations, np.ndarray, np.ndarray]):

@@ -21,7 +21,7 @@ from dextera_build.policy.terms import Term
 from dextera_build.sim.observe import progress
 from dextera_build.sim.runtime import privileged
 from dextera_build.sim.runtime.environment import Outcome
-from dextera_build.sim.runtime.worlds import Verdicts, Wanted, limited, side_by_side
+from dextera_build.sim.runtime.verdicts import Verdicts, Wanted, limited, side_by_side
 from dextera_build.sim.training.gym import TaskEnv, opened
 from dextera_build.sim.training.threads import Threads
 

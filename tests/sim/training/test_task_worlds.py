@@ -10,8 +10,8 @@ import pytest
 from dextera_build.artifacts.tasks.task import Reset, TaskBundle
 from dextera_build.policy.terms import Sensor
 from dextera_build.sim.training.gym import TaskEnv
+from dextera_build.sim.training.task_worlds import TaskWorlds
 from dextera_build.sim.training.threads import Threads
-from dextera_build.sim.training.worlds import TaskWorlds
 from tests import task_bundles
 
 WIDE = Reset(position_m=0.03, yaw_rad=0.5, robot_rad=0.01, dynamics=1.0, joints=1.0)
