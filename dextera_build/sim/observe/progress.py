@@ -118,7 +118,7 @@ def _sites(environment: Environment) -> dict[str, np.ndarray]:
     """Limb -> sites of the fingertips of its hand, if it may do the task, or of its palm if it has none."""
     robot, model = environment.bundle.robot, environment.model
     found = {}
-    for name in environment.task.limbs or robot.limb_names:
+    for name in environment.primitive.ordered() or environment.task.limbs or robot.limb_names:
         limb = robot.limbs[name]
         roles = limb.tips or (limb.palm,)
         found[name] = np.array([model.site(ROBOT + robot.frames[role]).id for role in roles if role], int)

@@ -212,9 +212,9 @@ class Environment:
         """End a control period in which `target` was sent, with positions and forces up to date."""
         self.count(target)
         if self.diverged:
-            return self.outcome(target, self.judge, False)
+            return self.result(target, self.judge, False)
         self.now = self.state()
-        return self.outcome(target, self.judge, bool(self.judge.update(self.now)[0]))
+        return self.result(target, self.judge, bool(self.judge.update(self.now)[0]))
 
     def count(self, target: np.ndarray) -> None:
         """Count a control period in which `target` was sent."""
@@ -226,7 +226,7 @@ class Environment:
         """Whether a speed is beyond any sense, or not a number."""
         return not np.abs(self._qvel).max() <= 1e4
 
-    def outcome(self, target: np.ndarray, judge: Judge, success: bool, number: int = 0) -> Outcome:
+    def result(self, target: np.ndarray, judge: Judge, success: bool, number: int = 0) -> Outcome:
         """The outcome of a control period that is counted.
 
         Args:

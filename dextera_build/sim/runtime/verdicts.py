@@ -94,7 +94,7 @@ class Verdicts:
         self.now = stacked([world.state() for world in self._worlds])
         done = self.judge.update(self.now, None if moved.all() else moved).tolist()
         return [
-            None if target is None else world.outcome(target, self.judge, done[number], number)
+            None if target is None else world.result(target, self.judge, done[number], number)
             for number, (world, target) in enumerate(pairs)
         ]
 
