@@ -153,7 +153,7 @@ class Watch(BaseCallback):
         found = self._read()
         if found is None or found[0].get("of") != self._of:
             self._worlds.practices.share = self._share
-            model._last_obs = self._worlds.reset()  # type: ignore[assignment]
+            model._last_obs = self._worlds.reset()
             model._last_episode_starts = np.ones(self._options.worlds, bool)
             return
         notes, tensors = found
@@ -171,7 +171,7 @@ class Watch(BaseCallback):
         places = [Place(*each) for each in zip(notes["episode"], notes["share"], made, strict=True)]
         self._level = notes["level"]
         self._worlds.practices.share = self._share
-        model._last_obs = self._worlds.practices.go_to(places)  # type: ignore[assignment]
+        model._last_obs = self._worlds.practices.go_to(places)
         model._last_episode_starts = np.array(notes["first"])
         self._earned = np.array(notes["earned"])
         self._recent.extend((reward, done) for reward, done in notes["recent"])
