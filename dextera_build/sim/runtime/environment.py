@@ -161,14 +161,9 @@ class Environment:
         self._ranges = {name: self.model.jnt_range[[joint]] for name, joint, _, _ in self._inner}
         self.now = self.state()
         """The quantities that determine success, at the end of the last control period."""
-        self.judge = self.judge_of(self.now)
+        shapes = {name: each.sized(start.size_scale.get(name, 1.0)) for name, each in self.bundle.objects.items()}
+        self.judge = Judge(self._judged, self.now, shapes, staged=self.staged)
         return self.observe()
-
-    def judge_of(self, start: TaskState) -> Judge:
-        """A judge of episodes with the goal and the sizes of this one, with the given states at their starts."""
-        sizes = self.start.size_scale
-        shapes = {name: each.sized(sizes.get(name, 1.0)) for name, each in self.bundle.objects.items()}
-        return Judge(self._judged, start, shapes, staged=self.staged)
 
     def step(self, action: np.ndarray) -> Outcome:
         """Send joint targets for one control period.

@@ -14,6 +14,7 @@ import numpy as np
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.policy.added import AddedTerm
 from dextera_build.sim.primitives.state import stacked
+from dextera_build.sim.primitives.success import Judge
 from dextera_build.sim.runtime.environment import Environment, Outcome
 
 Wanted = np.ndarray | Outcome | None
@@ -53,8 +54,9 @@ def limited(worlds: Sequence[Environment], wanted: Sequence[Wanted]) -> list[Wan
 class Verdicts:
     """Ends the control periods of several worlds of one task together.
 
-    One judge follows all episodes, unless goals or sizes that matter are drawn; then every world keeps its own. With
-    one judge, `judge` and `now` of an environment are those at the start of its episode.
+    One judge follows the episodes of all worlds, except of those whose start has a goal of its own, or sizes that
+    matter to it; they keep their own judge. With the common one, `judge` and `now` of an environment are those at its
+    start.
 
     Args:
         worlds: The worlds, each at the start of an episode.
@@ -65,15 +67,20 @@ class Verdicts:
         first = self._worlds[0]
         self.now = stacked([world.now for world in worlds])
         """States that were judged last (N)."""
-        self.judge = None if len(worlds) == 1 or _differ(first) else first.judge_of(self.now)
-        """Follows all episodes; None: every world has its own."""
+        self.judge = Judge(first.bundle.task, self.now, first.bundle.objects, staged=first.staged)
+        """Follows the episodes of all worlds but `own`."""
+        self.own = {number for number, world in enumerate(worlds) if len(worlds) == 1 or _own(world)}
+        """Numbers of the worlds that have their own judge."""
 
     def begin(self, numbers: Sequence[int]) -> None:
         """Take over the starts of worlds that began an episode."""
-        if self.judge is not None and numbers:
-            begun = np.zeros(len(self._worlds), bool)
-            begun[list(numbers)] = True
-            self.judge.begin(begun, stacked([world.now for world in self._worlds]))
+        if len(self._worlds) == 1 or not numbers:
+            return
+        self.own -= set(numbers)
+        self.own |= {number for number in numbers if _own(self._worlds[number])}
+        begun = np.zeros(len(self._worlds), bool)
+        begun[list(numbers)] = True
+        self.judge.begin(begun, stacked([world.now for world in self._worlds]))
 
     def conclude(self, sent: Sequence[np.ndarray | None]) -> list[Outcome | None]:
         """End a control period.
@@ -84,23 +91,34 @@ class Verdicts:
         Returns:
             The outcome in every world; None where it stands still.
         """
-        pairs = list(zip(self._worlds, sent, strict=True))
-        if self.judge is None:
-            return [None if target is None else world.conclude(target) for world, target in pairs]
-        for world, target in pairs:
-            if target is not None:
+        found: list[Outcome | None] = [None] * len(sent)
+        together = []
+        for number, (world, target) in enumerate(zip(self._worlds, sent, strict=True)):
+            if target is not None and number in self.own:
+                found[number] = world.conclude(target)
+            elif target is not None:
                 world.count(target)
-        moved = np.array([target is not None for target in sent])
-        self.now = stacked([world.state() for world in self._worlds])
-        done = self.judge.update(self.now, None if moved.all() else moved).tolist()
-        return [
-            None if target is None else world.result(target, self.judge, done[number], number)
-            for number, (world, target) in enumerate(pairs)
-        ]
+                together.append(number)
+        if together:
+            done = self._together(together).tolist()
+            for number in together:
+                world, target = self._worlds[number], sent[number]
+                assert target is not None
+                found[number] = world.result(target, self.judge, done[number], number)
+        return found
+
+    def _together(self, numbers: Sequence[int]) -> np.ndarray:
+        """Verdicts (N,) of the common judge, of which those of the worlds that moved count."""
+        pairs = enumerate(self._worlds)
+        self.now = stacked([world.now if number in self.own else world.state() for number, world in pairs])
+        moved = np.zeros(len(self._worlds), bool)
+        moved[list(numbers)] = True
+        return self.judge.update(self.now, None if moved.all() else moved)
 
 
-def _differ(world: Environment) -> bool:
-    """Whether worlds differ in what a judge is made of."""
-    bundle, reset = world.bundle, world.bundle.task.reset
-    sized = bundle.kind == "twin" and reset.dynamics and any(each.scale_sigma for each in bundle.objects.values())
-    return bool(reset.goal_m or reset.goal_rad or (sized and world.primitive.shaped))
+def _own(world: Environment) -> bool:
+    """Whether the start of a world differs from others in what a judge is made of."""
+    start, task = world.start, world.bundle.task
+    goal = start.variation.goal
+    sized = world.primitive.shaped and any(size != 1.0 for size in start.size_scale.values())
+    return sized or (goal is not None and goal != task.goal)

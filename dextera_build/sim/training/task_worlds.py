@@ -148,10 +148,12 @@ class TaskWorlds:
     def _values(self, success: np.ndarray) -> np.ndarray:
         """Values of the current states (N,)."""
         verdicts, parts = self._verdicts, [task.progress for task in self.tasks]
-        if verdicts.judge is not None:
-            return progress.values(parts, verdicts.judge, success, verdicts.now)
-        pairs = zip(parts, success.tolist(), self.environments, strict=True)
-        return np.array([part.value(done, world.now) for part, done, world in pairs])
+        found = np.zeros(len(parts))
+        if len(verdicts.own) < len(parts):
+            found = progress.values(parts, verdicts.judge, success, verdicts.now)
+        for number in verdicts.own:
+            found[number] = parts[number].value(bool(success[number]), self.environments[number].now)
+        return found
 
 
 def _picked(term: Term, shown: Observations, measured: Sequence[Measurement]) -> np.ndarray:

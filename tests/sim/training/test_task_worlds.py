@@ -33,9 +33,9 @@ def test_worlds_fare_as_each_would_alone(bundle: TaskBundle, shared: bool) -> No
     """One world stands still for a while, one gets what no robot can do, one begins again."""
     options = {"privileged": True, "sensors": {"objects": Sensor(sigma=0.002, delay_s=0.05)}}
     together = TaskWorlds(bundle, 3, threads=2, **options)
-    assert (together._verdicts.judge is not None) is shared
     alone = [TaskEnv(bundle, **options) for _ in range(3)]
     together.begin([0, 1, 2], lambda number: together.tasks[number].begin(number))
+    assert together._verdicts.own == (set() if shared else {0, 1, 2})
     seen = together.observe()
     single = [each.reset(seed=number)[0] for number, each in enumerate(alone)]
     successes = 0
@@ -62,6 +62,28 @@ def test_worlds_fare_as_each_would_alone(bundle: TaskBundle, shared: bool) -> No
             if period == 41 and number == 2:
                 single[number], _ = each.reset(seed=77)
     assert bool(successes) is shared
+    together.close()
+
+
+def test_a_world_with_a_goal_of_its_own_has_its_own_judge() -> None:
+    bundle = task_bundles.close()
+    together, alone = TaskWorlds(bundle, 3, threads=1), [TaskEnv(bundle) for _ in range(3)]
+    start = together.environments[0].start
+    goal = bundle.task.goal.model_copy(update={"joints": {"case_lid_hinge": 1.0}})
+    other = start.model_copy(update={"variation": start.variation.model_copy(update={"goal": goal})})
+    for starts, own in (((start, other, start), {1}), ((start, start, other), {2})):
+        chosen = [{"start": each} for each in starts]
+        together.begin([0, 1, 2], lambda number, chosen=chosen: together.tasks[number].begin(None, chosen[number]))
+        assert together._verdicts.own == own
+        for each, option in zip(alone, chosen, strict=True):
+            each.reset(options=option)
+        for period in range(3):
+            target = np.array([0.1 * period, -0.1, 0.1, 0.05, 0.05])
+            rewards = together.steps(together.advance([target] * 3)).rewards
+            assert rewards.tolist() == [each.step(target)[1] for each in alone]
+        assert len(set(rewards.tolist())) == 2
+        seen = together.observe()["deployable/goal"]
+        assert [row.tolist() for row in seen] == [each.environment.goal.tolist() for each in alone]
     together.close()
 
 
