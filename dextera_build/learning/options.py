@@ -35,6 +35,14 @@ class ImitationOptions(Options):
     """Noise added to inputs in training, in their standard deviations."""
     shift: int = Field(0, ge=0)
     """Maximum random shift of images in training [px]; with a fixed camera, shifts lose position information."""
+    crop: float = Field(0.0, ge=0.0, lt=1.0)
+    """Maximum fraction of both sides of images that a random crop takes away in training; the rest is enlarged."""
+    colour: float = Field(0.0, ge=0.0, lt=1.0)
+    """Maximum random change of brightness, contrast, saturation and single colours of images, as a fraction of 1."""
+    blur_px: float = Field(0.0, ge=0.0)
+    """Maximum standard deviation of a random blur of images [px]."""
+    grain: float = Field(0.0, ge=0.0)
+    """Standard deviation of noise added to each pixel and colour of images, as a fraction of the range."""
     held_out: float = Field(0.1, ge=0.0, lt=1.0)
     """Fraction of the episodes held out for validation."""
     seed: int = Field(0, ge=0)

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import torch
-import torch.nn.functional as F
 from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel
 
 from dextera_build import digest
 from dextera_build.learning import reproducible, weights
+from dextera_build.learning.augmentation import augmented
 from dextera_build.learning.samples import Batch, Samples, Window
 from dextera_build.learning.sampling import Mixed
 from dextera_build.learning.trained import Trained
@@ -139,9 +139,9 @@ class Training:
             for name in self._samples.inputs:
                 noise = torch.randn(changed[name].shape, generator=random).to(changed[name].device)
                 changed[name] = changed[name] + options.jitter * noise
-        if "rgb" in changed and options.shift:
+        if "rgb" in changed:
             frames = changed["rgb"]
-            changed["rgb"] = shifted(frames.flatten(0, -4), options.shift, random).view(frames.shape)
+            changed["rgb"] = augmented(frames.flatten(0, -4), options, random).view(frames.shape)
         return changed
 
     def _measure(self) -> None:
@@ -215,12 +215,3 @@ def averaged(network: nn.Module, most: float) -> AveragedModel:
         return average.lerp(current, 1 - decay)
 
     return AveragedModel(network, avg_fn=mean, use_buffers=True)
-
-
-def shifted(pixels: Tensor, most: int, random: torch.Generator) -> Tensor:
-    """Shift each of (B, 3, H, W) images by up to `most` pixels, repeating its border."""
-    height, width = pixels.shape[2:]
-    wide = F.pad(pixels, (most,) * 4, mode="replicate")
-    offsets = torch.randint(0, 2 * most + 1, (len(pixels), 2), generator=random).tolist()
-    moved = [one[:, y : y + height, x : x + width] for one, (y, x) in zip(wide, offsets, strict=True)]
-    return torch.stack(moved)

@@ -87,6 +87,7 @@ class ArmKinematics:
         coupled = [each for each in robot.followers if each.group == "arm" and each.leader in moved]
         self._model = alone(robot, moved | {each.name for each in coupled})
         self._frames = [robot.frames[robot.limbs[limb].palm] for limb in self.limbs]
+        self._sites = [int(self._model.site(frame).id) for frame in self._frames]
         self._address = np.array([self._model.joint(name).qposadr[0] for name in self.joints])
         self._coupled = [(int(self._model.joint(each.name).qposadr[0]), each) for each in coupled]
         self.lower = np.array([joint.lower for joint in arm])
@@ -117,9 +118,11 @@ class ArmKinematics:
 
     def poses(self, joints: np.ndarray) -> np.ndarray:
         """T_base_palm (L, 4, 4) at arm joints (A,) [rad]."""
-        self._state.update(self._spread(joints))
-        sites = [self._state.data.site(frame) for frame in self._frames]
-        return np.array([transforms.rigid(site.xmat.reshape(3, 3).copy(), site.xpos.copy()) for site in sites])
+        self._at(joints)
+        data = self._state.data
+        return np.array(
+            [transforms.rigid(data.site_xmat[each].reshape(3, 3), data.site_xpos[each]) for each in self._sites]
+        )
 
     def solve(
         self,
@@ -155,7 +158,7 @@ class ArmKinematics:
         self, target: np.ndarray, joints: np.ndarray, dt: float, *, posture: np.ndarray | None = None
     ) -> np.ndarray:
         """Joints (A,) [rad] after one control step of `dt` [s], as near to `target` as speed limits allow."""
-        self._state.update(self._spread(joints))
+        self._at(joints)
         self._aim(target)
         self._posture.set_target(self._spread(self.home if posture is None else posture))
         steps = 3
@@ -171,14 +174,14 @@ class ArmKinematics:
 
     def step(self, target: np.ndarray, joints: np.ndarray, posture: np.ndarray) -> np.ndarray:
         """Joints (A,) [rad] after one step of the least squares from `joints` towards `target` and `posture` (A,)."""
-        self._state.update(self._spread(joints))
+        self._at(joints)
         self._aim(target)
         self._posture.set_target(self._spread(posture))
         self._step(1.0, timed=False)
         return np.array(self._state.q[self._address])
 
     def _descend(self, target: np.ndarray, guess: np.ndarray, rest: np.ndarray) -> Solution:
-        self._state.update(self._spread(guess))
+        self._at(guess)
         self._aim(target)
         self._posture.set_target(self._spread(rest))
         best, stalled = np.inf, 0
@@ -264,6 +267,12 @@ class ArmKinematics:
         if found <= 0:
             raise mink.NoSolutionFound(SOLVER)
         return np.asarray(bounded)
+
+    def _at(self, joints: np.ndarray) -> None:
+        """Forward kinematics at arm joints (A,) [rad], unless they are there already."""
+        positions = self._spread(joints)
+        if not np.array_equal(positions, self._state.q):
+            self._state.update(positions)
 
     def _spread(self, joints: np.ndarray) -> np.ndarray:
         positions = self._model.qpos0.copy()

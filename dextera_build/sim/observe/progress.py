@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import mujoco
 import numpy as np
 
 from dextera_build.sim.control.mechanism import Mechanism
 from dextera_build.sim.model.compose import ROBOT
-from dextera_build.sim.primitives.base import lengths
+from dextera_build.sim.primitives.base import Primitive, lengths
 from dextera_build.sim.primitives.state import TaskState
+from dextera_build.sim.primitives.success import Judge
 from dextera_build.sim.runtime.environment import Environment
 
 SHARE = 0.95
@@ -17,6 +21,10 @@ BEHIND_M = 0.02
 """Distance behind the link's surface at which a push starts [m]."""
 CLEAR_M = 0.06
 """Clearance of a hand from the link's free edge when going around it [m]."""
+
+
+_Aim = tuple[str, float] | str | None
+"""Joint to be pushed and by how much; or the limb whose hand should reach the object; or any."""
 
 
 class Progress:
@@ -30,10 +38,10 @@ class Progress:
         self._environment = environment
         self._model = environment.model
         hands = _sites(environment)
-        self._tips = np.concatenate(hands)
-        ends = np.cumsum([len(tips) for tips in hands]).tolist()
-        self._hands = [slice(end - len(tips), end) for tips, end in zip(hands, ends, strict=True)]
-        """Rows of every hand in `_tips`."""
+        self._tips = np.concatenate(list(hands.values()))
+        ends = np.cumsum([len(tips) for tips in hands.values()]).tolist()
+        self._hands = {limb: slice(end - len(tips), end) for (limb, tips), end in zip(hands.items(), ends, strict=True)}
+        """Limb -> rows of its hand in `_tips`."""
         points = environment.bundle.objects[environment.task.object].points.astype(np.float64)
         self._points = np.ascontiguousarray(points.T)
         self._links: dict[tuple[str, float], _Link] = {}
@@ -42,24 +50,30 @@ class Progress:
         """Value of the current state, `now` (N = 1) if the caller has it; see `dextera_build.sim.primitives`."""
         environment = self._environment
         state, start = now or environment.state(), environment.judge.start
-        reach_m = np.array([self.reach_m(state)])
+        (aim,) = _aims(environment.primitive, start, state)
+        reach_m = np.array([self.reach_m(state, 0, aim)])
         return float(environment.primitive.value(reach_m, start, state, np.array([success]))[0])
 
-    def reach_m(self, state: TaskState) -> float:
-        """Distance of the fingertips from their target in the state (N = 1) [m].
+    def reach_m(self, state: TaskState, number: int, aim: _Aim) -> float:
+        """Distance of the fingertips from their target [m].
 
         For a joint, the distance of the nearest fingertip from the contact point of the push. Otherwise the mean
-        distance of fingertips from the object: of the nearest hand, or of every hand that the task names.
+        distance of fingertips from the object: of one hand, of the nearest, or of every hand that the task names.
+
+        Args:
+            state: States, with that of this world.
+            number: Number of this world among them.
+            aim: What should be reached.
         """
         environment, data = self._environment, self._environment.data
         tips = np.asarray(data.site_xpos[self._tips])
-        pushed = environment.primitive.pushed(environment.judge.start, state)
-        if pushed is not None:
-            (name,), (way,) = (each.tolist() for each in pushed)
+        if isinstance(aim, tuple):
+            name, way = aim
             return float(self._link(name).distances(data, way, tips).min())
-        distances = self._distances(state, tips)
+        distances = self._distances(state, number, tips)
+        hands = self._hands.values() if aim is None else [self._hands[aim]]
         # `mean` takes several times as long as sums.
-        means = [float(np.add.reduce(distances[hand])) / (hand.stop - hand.start) for hand in self._hands]
+        means = [float(np.add.reduce(distances[hand])) / (hand.stop - hand.start) for hand in hands]
         return float(sum(means) / len(means) if environment.task.limbs else min(means))
 
     def _link(self, name: str) -> _Link:
@@ -70,22 +84,45 @@ class Progress:
             self._links = {key: _Link(self._model, name)} | {k: v for k, v in self._links.items() if k[1] == key[1]}
         return self._links[key]
 
-    def _distances(self, state: TaskState, tips: np.ndarray) -> np.ndarray:
-        local = (tips - state.place[0]) @ state.world_from_object[0, :3, :3]
+    def _distances(self, state: TaskState, number: int, tips: np.ndarray) -> np.ndarray:
+        local = (tips - state.place[number]) @ state.world_from_object[number, :3, :3]
         # NumPy sums over a first axis four times as fast as over a last one of three.
         apart = local.T[:, :, None] - self._points[:, None]
         return np.asarray(np.sqrt((apart * apart).sum(axis=0).min(axis=1)))
 
 
-def _sites(environment: Environment) -> list[np.ndarray]:
-    """Sites of the fingertips of every hand that may do the task, or of its palm if it has none."""
+def values(worlds: Sequence[Progress], judge: Judge, success: np.ndarray, now: TaskState) -> np.ndarray:
+    """Values of the states of several worlds (N,).
+
+    Args:
+        worlds: The progress in every world.
+        judge: Follows their episodes.
+        success: Whether the task is done (N,).
+        now: Their states.
+    """
+    primitive = judge.primitive
+    aims = _aims(primitive, judge.start, now)
+    reach_m = [each.reach_m(now, number, aims[number]) for number, each in enumerate(worlds)]
+    return primitive.value(np.array(reach_m), judge.start, now, success)
+
+
+def _aims(primitive: Primitive[Any], start: TaskState, now: TaskState) -> list[_Aim]:
+    """What should be reached next in every world."""
+    pushed, reaching = primitive.pushed(start, now), primitive.reaching(now)
+    if pushed is not None:
+        return list(zip(*(each.tolist() for each in pushed), strict=True))
+    return [None] * len(now.time_s) if reaching is None else reaching.tolist()
+
+
+def _sites(environment: Environment) -> dict[str, np.ndarray]:
+    """Limb -> sites of the fingertips of its hand, if it may do the task, or of its palm if it has none."""
     robot, model = environment.bundle.robot, environment.model
-    found = []
-    for name in environment.task.limbs or robot.limb_names:
+    found = {}
+    for name in environment.primitive.ordered() or environment.task.limbs or robot.limb_names:
         limb = robot.limbs[name]
         roles = limb.tips or (limb.palm,)
-        found.append(np.array([model.site(ROBOT + robot.frames[role]).id for role in roles if role], int))
-    return [each for each in found if len(each)]
+        found[name] = np.array([model.site(ROBOT + robot.frames[role]).id for role in roles if role], int)
+    return {name: sites for name, sites in found.items() if len(sites)}
 
 
 class _Link:

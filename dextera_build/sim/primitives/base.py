@@ -22,7 +22,7 @@ from dextera_build.artifacts.tasks.task import TaskObject, TaskSpec
 from dextera_build.errors import listing
 from dextera_build.geometry import lie, transforms
 from dextera_build.sim.primitives.stages import clamp
-from dextera_build.sim.primitives.state import TaskState
+from dextera_build.sim.primitives.state import TaskState, chosen
 
 JUMP_M_S = 3.0
 """Speed above which an object was thrown, or moved by something other than the robot [m/s]."""
@@ -124,6 +124,15 @@ class Past:
         count = len(start.time_s)
         return cls(start, np.zeros(count, int), np.full(count, ""), np.full((count, 3), np.nan))
 
+    def where(self, worlds: np.ndarray, other: Past) -> Past:
+        """These summaries of the worlds where `worlds` (N,) is True, and `other` of the rest."""
+        return Past(
+            chosen(worlds, self.before, other.before),
+            np.where(worlds, self.stage, other.stage),
+            np.where(worlds, self.fault, other.fault),
+            np.where(worlds[:, None], self.mark, other.mark),
+        )
+
 
 class Primitive(ABC, Generic[G]):
     """An objective in one task.
@@ -137,6 +146,9 @@ class Primitive(ABC, Generic[G]):
     """The type of its goal."""
     feels: ClassVar[bool] = True
     """Whether its condition or its value needs the grasp state."""
+    shaped: ClassVar[bool] = True
+    """Whether its condition or its value uses shapes of `objects`, whose sizes may differ from world to world; such
+    worlds are judged one by one."""
     carries: ClassVar[bool] = True
     """Whether hands carry the object's weight, so that a heavy one is harder than a light one."""
     still: ClassVar[Literal["", "in hand", "on support"]] = ""
@@ -221,6 +233,10 @@ class Primitive(ABC, Generic[G]):
     def ordered(self) -> tuple[str, ...]:
         """Limbs with different roles in the goal, in the order of the roles."""
         return ()
+
+    def reaching(self, now: TaskState) -> np.ndarray | None:
+        """Limb whose hand should reach the object next (N,) str; None: the nearest, or all that the task names."""
+        return None
 
     def pushed(self, start: TaskState, now: TaskState) -> tuple[np.ndarray, np.ndarray] | None:
         """Joint to move next (N,) str and by how much (N,) [rad or m]; None: reaching aims at the object itself."""

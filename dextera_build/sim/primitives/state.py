@@ -185,6 +185,21 @@ def stacked(states: Sequence[TaskState]) -> TaskState:
     return found
 
 
+def chosen(worlds: np.ndarray, one: TaskState, other: TaskState) -> TaskState:
+    """The states `one` of the worlds where `worlds` (N,) is True, and `other` of the rest."""
+    found: TaskState = _chosen(worlds, one, other)
+    return found
+
+
+def _chosen(worlds: np.ndarray, one: Any, other: Any) -> Any:
+    if isinstance(one, np.ndarray):
+        return np.where(worlds.reshape(-1, *[1] * (one.ndim - 1)), one, other)
+    if isinstance(one, Mapping):
+        return {name: _chosen(worlds, one[name], other[name]) for name in one}
+    names = [each.name for each in fields(one) if each.init]
+    return type(one)(*(_chosen(worlds, getattr(one, name), getattr(other, name)) for name in names))
+
+
 def _stacked(parts: Sequence[Any]) -> Any:
     first = parts[0]
     if isinstance(first, np.ndarray):

@@ -13,7 +13,7 @@ import numpy as np
 from dextera_build.artifacts.tasks.task import TaskObject, TaskSpec
 from dextera_build.sim.primitives import catalogue
 from dextera_build.sim.primitives.base import Past
-from dextera_build.sim.primitives.state import TaskState
+from dextera_build.sim.primitives.state import TaskState, chosen
 
 
 def holds(
@@ -57,6 +57,19 @@ class Judge:
         self._never = np.full(len(start.time_s), np.inf)
         self._since = self._never
 
+    def begin(self, worlds: np.ndarray, now: TaskState) -> None:
+        """Begin new episodes in some of the worlds.
+
+        Args:
+            worlds: Whether a world begins (N,) bool.
+            now: States of all worlds; those of the others are not used.
+        """
+        self.start, self._now = chosen(worlds, now, self.start), chosen(worlds, now, self._now)
+        self._past = Past.begun(now).where(worlds, self._past)
+        self.held_at_reset = self.primitive.holds(self.start, self.start, Past.begun(self.start))
+        self.stage = np.where(worlds, 0, self.stage)
+        self._since = np.where(worlds, self._never, self._since)
+
     @property
     def reasons(self) -> np.ndarray:
         """Reasons why the condition does not hold (N,) str, in a few words; empty if it holds."""
@@ -64,9 +77,15 @@ class Judge:
         missing = np.where(self.primitive.holds(*parts), "", self.primitive.missing(*parts))
         return np.where(fault == "", missing, fault)
 
-    def update(self, now: TaskState) -> np.ndarray:
-        """Process one control period (N,); True once the condition has held for `hold_s`."""
-        self._past, self._now = self.primitive.follow(self._past, self.start, now), now
+    def update(self, now: TaskState, worlds: np.ndarray | None = None) -> np.ndarray:
+        """Process one control period (N,); True once the condition has held for `hold_s`.
+
+        Args:
+            now: The current states.
+            worlds: Whether a world moved on (N,) bool; the others have their earlier states. None: all did.
+        """
+        past = self.primitive.follow(self._past, self.start, now)
+        self._past, self._now = past if worlds is None else past.where(worlds, self._past), now
         fine = self._past.fault == ""
         if self._staged:
             reached = self.primitive.reached(self.start, now, self._past)

@@ -19,7 +19,8 @@ from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import MachineError, RuleError, install_extra
 from dextera_build.policy.added import AddedTerm
 from dextera_build.policy.observation import in_worlds
-from dextera_build.sim.runtime.environment import Environment, Outcome
+from dextera_build.sim.runtime.environment import Outcome
+from dextera_build.sim.runtime.verdicts import Verdicts, side_by_side
 
 CONTACTS, CONSTRAINTS = 256, 1024
 """Capacity for contacts, on average, and for constraint rows in each world; exceeding it is an error."""
@@ -53,14 +54,13 @@ class Batch:
                 code="DXB-B221",
                 hint="give all starts one `size_scale`, or run one batch for each",
             )
-        first = Environment(bundle, terms=terms)
-        others = [Environment(bundle, copy.copy(first.model), terms) for _ in starts[1:]]
-        self.worlds = [first, *others]
+        self.worlds = side_by_side(bundle, len(starts), terms)
         """The world of every start, for observations and success."""
         for world, start in zip(self.worlds, starts, strict=True):
             world.begin(start)
+        self._verdicts = Verdicts(self.worlds)
         self._device = warp.ScopedDevice(device)
-        known = copy.copy(first.model)
+        known = copy.copy(self.worlds[0].model)
         # MuJoCo Warp never resets automatically; sleeping takes it longer than resting.
         known.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         known.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
@@ -87,10 +87,8 @@ class Batch:
             self._check_room()
         for world, positions, velocities in zip(self.worlds, qpos, qvel, strict=True):
             world.arrive(positions, velocities)
-        return [
-            world.broken(action) if to is None else world.conclude(to)
-            for world, action, to in zip(self.worlds, actions, limited, strict=True)
-        ]
+        pairs = zip(self.worlds, actions, self._verdicts.conclude(limited), strict=True)
+        return [outcome or world.broken(action) for world, action, outcome in pairs]
 
     def observe(self) -> dict[str, np.ndarray]:
         """Deployable term -> its values in all worlds (N, ...) float32."""

@@ -111,14 +111,14 @@ class Environment:
         self._known = _Frame.of(bundle.base_pose.matrix)
         self.begin(starts.photographed(bundle, self.model))
 
-    def reset(self, seed: int, stratum: Stratum | None = None) -> DeployableObservation:
-        """Begin an episode at a start drawn by `draw`.
+    def reset(self, seed: int, stratum: Stratum | None = None, share: float = 1.0) -> DeployableObservation:
+        """Begin an episode at a start drawn by `draw`, from a fraction `share` of the task's ranges.
 
         Raises:
             RuleError: No start without collisions was found; the running episode continues.
         """
         try:
-            start = self._drawn(seed, stratum)
+            start = self._drawn(seed, stratum, share)
         except RuleError:
             self._dynamics.shape(self.start.size_scale, self.start.base_error)
             raise
@@ -135,14 +135,14 @@ class Environment:
             RuleError: No start without collisions was found.
         """
         try:
-            return self._drawn(seed, stratum)
+            return self._drawn(seed, stratum, 1.0)
         finally:
             self._dynamics.shape(self.start.size_scale, self.start.base_error)
 
-    def _drawn(self, seed: int, stratum: Stratum | None) -> Start:
+    def _drawn(self, seed: int, stratum: Stratum | None, share: float) -> Start:
         """A start; objects keep its sizes, and the robot its base."""
         changed, fair = self._dynamics, self.primitive.fair
-        return starts.draw(self.bundle, self.model, self._scratch, changed, seed, fair, stratum=stratum)
+        return starts.draw(self.bundle, self.model, self._scratch, changed, seed, fair, stratum=stratum, share=share)
 
     def begin(self, start: Start) -> DeployableObservation:
         """Begin an episode at a given start, without state from the previous one."""
@@ -158,10 +158,10 @@ class Environment:
         self.steps = 0
         self.previous_action = self.data.ctrl[self._actuators].copy()
         self._earlier = self.previous_action
-        shapes = {name: each.sized(start.size_scale.get(name, 1.0)) for name, each in self.bundle.objects.items()}
         self._ranges = {name: self.model.jnt_range[[joint]] for name, joint, _, _ in self._inner}
         self.now = self.state()
         """The quantities that determine success, at the end of the last control period."""
+        shapes = {name: each.sized(start.size_scale.get(name, 1.0)) for name, each in self.bundle.objects.items()}
         self.judge = Judge(self._judged, self.now, shapes, staged=self.staged)
         return self.observe()
 
@@ -173,7 +173,7 @@ class Environment:
         target = self.limited(action)
         if target is None:
             return self.broken(action)
-        self._advance(target)
+        self.advance(target)
         return self.conclude(target)
 
     def limited(self, action: np.ndarray) -> np.ndarray | None:
@@ -181,8 +181,11 @@ class Environment:
         action = np.asarray(action, np.float64)
         if action.shape != self.lower.shape or not np.isfinite(action).all():
             return None
-        before = self.previous_action
-        near = np.minimum(np.maximum(action, before - self._reach), before + self._reach)
+        return self.within(action, self.previous_action)
+
+    def within(self, actions: np.ndarray, before: np.ndarray) -> np.ndarray:
+        """Actions (..., A) [rad] limited to the ranges and the speeds of joints, where `before` was sent last."""
+        near = np.minimum(np.maximum(actions, before - self._reach), before + self._reach)
         return np.asarray(np.minimum(np.maximum(near, self.lower), self.upper))
 
     def commands(self, target: np.ndarray) -> Iterator[int]:
@@ -202,15 +205,35 @@ class Environment:
 
     def conclude(self, target: np.ndarray) -> Outcome:
         """End a control period in which `target` was sent, with positions and forces up to date."""
+        self.count(target)
+        if self.diverged:
+            return self.result(target, self.judge, False)
+        self.now = self.state()
+        return self.result(target, self.judge, bool(self.judge.update(self.now)[0]))
+
+    def count(self, target: np.ndarray) -> None:
+        """Count a control period in which `target` was sent."""
         self._earlier, self.previous_action = self.previous_action, target
         self.steps += 1
-        # Written to be true on NaN.
-        if not np.abs(self._qvel).max() <= 1e4:
+
+    @property
+    def diverged(self) -> bool:
+        """Whether a speed is beyond any sense, or not a number."""
+        return not np.abs(self._qvel).max() <= 1e4
+
+    def result(self, target: np.ndarray, judge: Judge, success: bool, number: int = 0) -> Outcome:
+        """The outcome of a control period that is counted.
+
+        Args:
+            target: What was sent (A,) [rad].
+            judge: Follows the episode.
+            success: Its verdict.
+            number: Number of this world among those of the judge.
+        """
+        if self.diverged:
             return Outcome(False, True, "the simulation diverged", target)
-        self.now = self.state()
-        success = bool(self.judge.update(self.now)[0])
         late = self.steps * self.period_s >= self.task.timeout_s - 1e-9
-        reason = "" if success or not late else self._why()
+        reason = "" if success or not late else self._why(judge, number)
         return Outcome(success, success or late, reason, target)
 
     def send(self, targets: np.ndarray) -> np.ndarray:
@@ -296,7 +319,8 @@ class Environment:
         """T_world_body (4, 4)."""
         return transforms.rigid(self._xmat[body].reshape(3, 3), self._xpos[body])
 
-    def _advance(self, target: np.ndarray) -> None:
+    def advance(self, target: np.ndarray) -> None:
+        """Simulate a control period on the way to `target` (A,) [rad], and make positions and forces match."""
         # The first step can reuse the results of `mj_forward`, unless positions were changed since.
         ready = self._seen == (self._qpos.tobytes(), self._qvel.tobytes())
         for steps in self.commands(target):
@@ -322,10 +346,10 @@ class Environment:
             reason = f"the action for `{bad}` is not a finite number"
         return Outcome(False, True, reason, self.previous_action.copy())
 
-    def _why(self) -> str:
-        if self.judge.held_at_reset[0]:
+    def _why(self, judge: Judge, number: int) -> str:
+        if judge.held_at_reset[number]:
             return "the condition held at the start already"
-        return f"not done within {self.task.timeout_s:g} s: {self.judge.reasons[0] or 'not held for long enough'}"
+        return f"not done within {self.task.timeout_s:g} s: {judge.reasons[number] or 'not held for long enough'}"
 
     def _index(self) -> None:
         model, robot = self.model, self.bundle.robot

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from dextera_build.artifacts.tasks.episode import Start
-from dextera_build.artifacts.tasks.task import TaskBundle, TaskObject
+from dextera_build.artifacts.tasks.task import Reset, TaskBundle, TaskObject
 from dextera_build.geometry import lie, quaternions, transforms
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.runtime import variations
@@ -47,6 +47,7 @@ def draw(
     fair: Fair = lambda places: np.ones(1, bool),
     *,
     stratum: Stratum | None = None,
+    share: float = 1.0,
 ) -> Start:
     """Draw a start of the task, deterministic in bundle and seed.
 
@@ -58,10 +59,12 @@ def draw(
         seed: Any integer from 0 to 2^63.
         fair: Rejects starts at which the goal is reached.
         stratum: Position in a series of episodes with stratified sampling; None: independent draws.
+        share: Fraction of the task's ranges from which the start is drawn, 0..1.
 
     Raises:
         RuleError: No start without collisions, on the support and away from the goal was found.
     """
+    bundle = bundle if share == 1.0 else _narrowed(bundle, share)
     random = _numbers([seed], stratum, 0)
     dynamics = _dynamics(bundle, random)
     # Base and variations have random streams of their own, so that other draws do not depend on them.
@@ -103,6 +106,12 @@ def photographed(bundle: TaskBundle, model: Any) -> Start:
         friction={name: thing.friction for name, thing in bundle.objects.items()},
         gain_scale=1.0,
     )
+
+
+def _narrowed(bundle: TaskBundle, share: float) -> TaskBundle:
+    """The task with this fraction of its ranges of starts."""
+    ranges = {name: share * value for name, value in bundle.task.reset}
+    return bundle.model_copy(update={"task": bundle.task.model_copy(update={"reset": Reset(**ranges)})})
 
 
 def _numbers(seed: list[int], stratum: Stratum | None, series: int) -> Draws:

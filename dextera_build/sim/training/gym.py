@@ -20,7 +20,7 @@ from dextera_build.artifacts.tasks.episode import Start
 from dextera_build.artifacts.tasks.task import ActionKind, TaskBundle, View
 from dextera_build.errors import listing
 from dextera_build.policy.layout import of_bundle
-from dextera_build.policy.observation import deployable
+from dextera_build.policy.observation import Measurement, deployable
 from dextera_build.policy.terms import Sensor, Term
 from dextera_build.sim.control.action_map import ActionMap
 from dextera_build.sim.observe.eyes import Eyes, Picture
@@ -89,7 +89,8 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / self.environment.period_s)}
         self._size = size
         self._simulated = Simulated([self.environment]) if privileged else None
-        self._progress = Progress(self.environment)
+        self.progress = Progress(self.environment)
+        """Value of the states of its episodes."""
         self._views = views = views or {}
         self._eyes = Eyes(self.environment.model, views, pictures) if views else None
         self._portrait: rendering.Eye | None = None
@@ -98,7 +99,7 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         self.terms = _chosen(layout.terms(lenses, sensors), pictures, privileged)
         """Observed terms, in the order of the observation."""
         self._sensors = Sensors(self.terms, {name: camera.matrix() for name, camera in lenses.items()})
-        self._value = self._progress.value(False, self.environment.now)
+        self._value = self.progress.value(False, self.environment.now)
         self._last = self._observe()
         self.observation_space: spaces.Space[Any] = of_terms(self.terms)
         spec = self.actions.spec
@@ -112,41 +113,55 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         Args:
             seed: Seed of the start, as in `Environment.reset(seed)`; None: the next of a random sequence.
             options: `{"start": Start}` begins at that start instead; `{"stratum": Stratum}` draws one by stratified
-                sampling of a series.
+                sampling of a series; `{"share": 0.5}` draws it from half of the task's ranges.
         """
+        self.begin(seed, options)
+        self._last = self._observe()
+        return self._last, self.info(False, "", self.environment.previous_action)
+
+    def begin(self, seed: int | None = None, options: dict[str, Any] | None = None) -> None:
+        """Begin an episode as `reset` does, without observing it."""
         super().reset(seed=seed)
         start, stratum = ((options or {}).get(name) for name in ("start", "stratum"))
         if isinstance(start, Start):
             self.environment.begin(start)
         else:
             drawn = int(self.np_random.integers(2**62)) if seed is None else seed
-            self.environment.reset(drawn, stratum)
+            self.environment.reset(drawn, stratum, (options or {}).get("share", 1.0))
         start = self.environment.start
         self._sensors.reset(start.seed, start.variation.noise)
         if self._eyes is not None:
             self._eyes.vary(variations.seen(self.environment.bundle, start, self._views))
-        self._value = self._progress.value(False, self.environment.now)
-        self._last = self._observe()
-        return self._last, self._info(False, "", self.environment.previous_action)
+        self._value = self.progress.value(False, self.environment.now)
 
     def step(self, action: np.ndarray) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
         """Send an action (N,) for one control period."""
-        environment, action = self.environment, np.asarray(action, np.float64)
-        if fault := self.actions.fault(action):
-            return self.conclude(Outcome(False, True, fault, environment.previous_action.copy()))
-        return self.conclude(environment.step(self.actions.targets(action, environment.previous_action)))
-
-    def conclude(self, outcome: Outcome) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
-        """The return value of `step` after control periods that ended with `outcome`."""
-        late = outcome.over and not outcome.success and self.late
-        broken = outcome.over and not outcome.success and not late
+        targets = self.targets(action)
+        outcome = targets if isinstance(targets, Outcome) else self.environment.step(targets)
+        late, broken = self.ended(outcome)
         reward = 0.0
         if not broken:
-            value = self._progress.value(outcome.success, self.environment.now)
-            reward, self._value = value - self._value, value
+            reward = self.earned(self.progress.value(outcome.success, self.environment.now))
             self._last = self._observe()
-        info = self._info(outcome.success, outcome.reason, outcome.executed)
-        return self._last, float(reward), outcome.success or broken, late, info
+        info = self.info(outcome.success, outcome.reason, outcome.executed)
+        return self._last, reward, outcome.success or broken, late, info
+
+    def targets(self, action: np.ndarray) -> np.ndarray | Outcome:
+        """The joint targets (A,) [rad] of an action, or the outcome of one that cannot be sent."""
+        environment, action = self.environment, np.asarray(action, np.float64)
+        if fault := self.actions.fault(action):
+            return Outcome(False, True, fault, environment.previous_action.copy())
+        return self.actions.targets(action, environment.previous_action)
+
+    def ended(self, outcome: Outcome) -> tuple[bool, bool]:
+        """Whether the time limit ended the episode, and whether a fault did, after which nothing is observed."""
+        failed = outcome.over and not outcome.success
+        return failed and self.late, failed and not self.late
+
+    def earned(self, value: float) -> float:
+        """The reward of a period after which the state has this value."""
+        reward, self._value = value - self._value, value
+        return float(reward)
 
     @property
     def value(self) -> float:
@@ -176,14 +191,19 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             self._portrait.__exit__(None, None, None)
         self._portrait = None
 
-    def _observe(self) -> dict[str, np.ndarray]:
+    def measured(self) -> Measurement:
+        """What the sensors measure now; they remember, so that this is asked once in a period."""
         environment = self.environment
         frames = self._eyes.look(environment.data) if self._eyes else None
-        seen = self._sensors.measure(environment.measure(frames), environment.steps * environment.period_s)
-        shown = deployable(seen, environment.previous_action, environment.goal, environment.added)
+        return self._sensors.measure(environment.measure(frames), environment.steps * environment.period_s)
+
+    def _observe(self) -> dict[str, np.ndarray]:
+        environment = self.environment
+        shown = deployable(self.measured(), environment.previous_action, environment.goal, environment.added)
         return values(self.terms, shown, privileged_of(self._simulated) if self._simulated else None)
 
-    def _info(self, success: bool, reason: str, executed: np.ndarray) -> dict[str, Any]:
+    def info(self, success: bool, reason: str, executed: np.ndarray) -> dict[str, Any]:
+        """Further facts about a period, see the class."""
         return {"is_success": success, "success": success, "reason": reason, "executed": np.array(executed)}
 
 

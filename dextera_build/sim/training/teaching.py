@@ -21,7 +21,7 @@ from dextera_build.policy.running import Policy, PolicyFault, Runner
 from dextera_build.sim.observe.progress import Progress
 from dextera_build.sim.observe.sensors import Sensors
 from dextera_build.sim.runtime.environment import Environment
-from dextera_build.sim.runtime.privileged import Simulated, privileged
+from dextera_build.sim.runtime.privileged import Simulated, values
 from dextera_build.sim.runtime.recorder import Recorder
 from dextera_build.sim.runtime.rollout import Look
 from dextera_build.sim.training.insight import INSIGHT, insight
@@ -53,7 +53,7 @@ class Teacher:
         self._environment = environment
         self._reader, self._world = Reader(contract.inputs, layout), world_flag(layout.world)[None]
         self._predict = runner.predict(checkpoint, environment.bundle)
-        self._limb = str(contract.settings["limb"]) if contract.settings.get(contracts.PRIVILEGED) else ""
+        self._limbs = str(contract.settings["limb"]).split() if contract.settings.get(contracts.PRIVILEGED) else []
         self._simulated, self._progress = Simulated([environment]), Progress(environment)
         self._limits = np.array([(joint.lower, joint.upper) for joint in environment.bundle.robot.joints])
 
@@ -65,9 +65,9 @@ class Teacher:
         """
         world = self._environment
         inputs = self._reader.read(observed(world.observe()) | {WORLD: self._world})
-        if self._limb:
+        if self._limbs:
             value = self._progress.value(False, world.now)
-            inputs[INSIGHT] = insight(world, self._limb, privileged(self._simulated).values, value)[None]
+            inputs[INSIGHT] = insight([world], self._limbs, values(self._simulated), [value])
         made = self._predict(inputs, world.steps)[0]
         if not np.isfinite(made).all():
             raise PolicyFault(f"the teacher gave NaN at step {world.steps}", code="DXB-B511")

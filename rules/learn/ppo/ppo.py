@@ -16,7 +16,7 @@ from dextera_build.rule import ROUNDING, Context, Tolerance, rule
 
 from .ppo_options import PpoOptions
 from .practised import Practised
-from .reinforcement import contract_of, limb_of
+from .reinforcement import contract_of, limbs_of
 
 
 class PpoBackend(Protocol):
@@ -71,12 +71,11 @@ def ppo(
 
 
 def _check(ctx: Context, bundle: TaskBundle, options: PpoOptions) -> None:
-    limb = bundle.robot.limbs[limb_of(bundle)]
-    if options.control == "palm" and not limb.palm:
-        ctx.fail("the robot has no frame `palm` that could be steered", hint="set `control: joints`")
-    grips = limb.grips
-    if options.grip is not None and options.grip not in grips:
-        ctx.fail(f"the robot has no grip `{options.grip}`", grips=listing(grips) or "none")
+    for limb in (bundle.robot.limbs[name] for name in limbs_of(bundle)):
+        if options.control == "palm" and not limb.palm:
+            ctx.fail("the robot has no frame `palm` that could be steered", hint="set `control: joints`")
+        if options.grip is not None and options.grip not in limb.grips:
+            ctx.fail(f"the robot has no grip `{options.grip}`", grips=listing(limb.grips) or "none")
 
 
 def _report(ctx: Context, practised: Practised) -> None:
@@ -88,4 +87,7 @@ def _report(ctx: Context, practised: Practised) -> None:
         )
     success = float(practised.success[-1])
     ctx.metric("success while exploring", success)
-    ctx.say(f"{last:,} decisions, {practised.episodes:,} episodes, {100 * success:.0f} % success while exploring")
+    within = "" if practised.share == 1.0 else f" within {100 * practised.share:.0f} % of the ranges of starts"
+    ctx.say(
+        f"{last:,} decisions, {practised.episodes:,} episodes, {100 * success:.0f} % success while exploring{within}"
+    )

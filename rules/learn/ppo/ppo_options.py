@@ -21,10 +21,15 @@ class PpoOptions(Options):
     teacher, which acts in simulation only; `demonstrate.teach` has it correct a student."""
     groups: tuple[Group, ...] = ("arm",)
     """Groups of controlled joints; all others are fixed as in `grip`."""
+    closes: bool | None = None
+    """Whether one decision per hand closes its fingers, from the open to the closed posture of `grip`; None: if hands
+    carry the object, as in a lift. Joints of a group are controlled one by one instead."""
     control: Literal["palm", "joints"] = "palm"
     """Control of the arm: by steps of the palm with fixed orientation, or joint by joint."""
     step_m: float = Field(0.15, gt=0.0)
     """Maximum step of the palm per decision and axis [m]; light and slippery objects must be pushed quickly."""
+    turn_rad: float = Field(0.0, ge=0.0)
+    """Maximum rotation of the palm per decision about each axis of the base [rad]; 0: its orientation is fixed."""
     grip: str | None = None
     """Posture of the fingers, one of the robot's grips; None: the first suitable one, otherwise home."""
     lean_rad: float = Field(0.4, ge=-1.6, le=1.6)
@@ -40,11 +45,13 @@ class PpoOptions(Options):
     layers: int = Field(2, ge=1)
     """Number of layers."""
     steps: int = Field(80_000, ge=1)
-    """Total decisions of the training, over all environments."""
+    """Total decisions of the training, over all worlds."""
     worlds: int = Field(8, ge=1)
-    """Number of parallel environments."""
+    """Number of worlds in which the policy practises at once."""
+    threads: int = Field(1, ge=1)
+    """Threads that step the worlds; a build counts on one, and the result is the same for any number."""
     rollout: int = Field(32, ge=1)
-    """Decisions per environment between two updates."""
+    """Decisions per world between two updates."""
     batch: int = Field(128, ge=2)
     """Decisions per gradient step."""
     epochs: int = Field(10, ge=1)
@@ -59,6 +66,10 @@ class PpoOptions(Options):
     """Initial standard deviation of decisions."""
     average: float = Field(0.97, ge=0.0, lt=1.0)
     """Decay per update of the running average of weights that forms the policy."""
+    curriculum: int = Field(1, ge=1)
+    """Steps in which the ranges of starts widen to those of the task, each once `passing` is reached; 1: no steps."""
+    passing: float = Field(0.6, gt=0.0, le=1.0)
+    """Share of the latest episodes that must succeed, while exploring, before the ranges widen."""
     seed: int = Field(0, ge=0)
     """Seed of initial weights, exploration and starts."""
 

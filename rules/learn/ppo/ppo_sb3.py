@@ -19,6 +19,7 @@ from dextera_build.policy.added import of_specs
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.control.mechanism import Mechanism
 from dextera_build.sim.runtime.environment import Environment
+from dextera_build.sim.training.practice import Practices
 
 from .network import Actor
 from .ppo_state import Watch, own_generators
@@ -59,7 +60,8 @@ def practise(
     options: Options,
 ) -> Practised:
     """Train, or resume an interrupted training."""
-    worlds = Worlds(bundle, contract, common.worlds, common.seed, of_specs(terms, ctx.companion))
+    added = of_specs(terms, ctx.companion)
+    worlds = Worlds(Practices(bundle, contract, common.worlds, common.seed, threads=common.threads, terms=added))
     try:
         with reproducible.one_thread(), own_generators(common.seed):
             model = _model(worlds, common)

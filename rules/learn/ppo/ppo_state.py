@@ -21,6 +21,7 @@ from dextera_build.errors import RuleError
 from dextera_build.learning import weights
 from dextera_build.rule import Context
 from dextera_build.sim.runtime.seeds import seed_of
+from dextera_build.sim.training.practice import Place
 
 from .ppo_worlds import Worlds
 from .practised import Practised
@@ -32,6 +33,8 @@ SAVE_EVERY_S = 30.0
 """Minimum interval between checkpoints, which are taken between rollouts [s]."""
 WINDOW = 100
 """Number of episodes in moving averages."""
+LEAST = 30
+"""Minimum number of episodes in a step of the curriculum."""
 
 
 class Watch(BaseCallback):
@@ -57,12 +60,29 @@ class Watch(BaseCallback):
         self._recent: deque[tuple[float, bool]] = deque(maxlen=WINDOW)
         self._curve: list[tuple[int, float, float]] = []
         self._episodes = 0
+        self._level = 1
+        """Steps of the curriculum that were taken."""
         self._saved = time.monotonic()
         self._average: dict[str, torch.Tensor] = {}
         self._averaged = -1
 
+    @property
+    def _share(self) -> float:
+        """Fraction of the task's ranges from which starts are drawn."""
+        return self._level / self._options.curriculum
+
+    def _widen(self) -> None:
+        """Take the next step of the curriculum once enough episodes of this one succeed."""
+        done = [success for _, success in self._recent]
+        if self._level < self._options.curriculum and len(done) >= LEAST and np.mean(done) >= self._options.passing:
+            self._level += 1
+            self._recent.clear()
+            self._worlds.practices.share = self._share
+            self._ctx.log(f"starts within {100 * self._share:.0f} % of the ranges from decision {self.num_timesteps:,}")
+
     def _on_rollout_start(self) -> None:
         self._note()
+        self._widen()
         self._follow()
         if time.monotonic() - self._saved >= SAVE_EVERY_S:
             self.save()
@@ -95,6 +115,7 @@ class Watch(BaseCallback):
             np.array(reward, np.float32),
             np.array(success, np.float32),
             self._episodes,
+            self._share,
         )
 
     def save(self) -> None:
@@ -103,14 +124,16 @@ class Watch(BaseCallback):
         tensors = {f"weight.{name}": tensor for name, tensor in model.policy.state_dict().items()}
         for number, moments in model.policy.optimizer.state_dict()["state"].items():
             tensors |= {f"moment.{number}.{name}": torch.as_tensor(tensor) for name, tensor in moments.items()}
-        places = self._worlds.places()
-        for number, (_, decisions) in enumerate(places):
-            tensors[f"place.{number}"] = torch.from_numpy(np.array(decisions, np.float32))
+        places = self._worlds.practices.places
+        for number, place in enumerate(places):
+            tensors[f"place.{number}"] = torch.from_numpy(np.array(place.decisions, np.float32))
         tensors |= {f"average.{name}": tensor for name, tensor in self._average.items()}
         notes = {
             "of": self._of,
             "decisions": model.num_timesteps,
-            "episode": [episode for episode, _ in places],
+            "episode": [place.episode for place in places],
+            "share": [place.share for place in places],
+            "level": self._level,
             "first": [bool(first) for first in model._last_episode_starts],
             "earned": self._earned.tolist(),
             "recent": list(self._recent),
@@ -129,7 +152,8 @@ class Watch(BaseCallback):
         """Restore `model` and the environments from an interrupted training, or reset them."""
         found = self._read()
         if found is None or found[0].get("of") != self._of:
-            model._last_obs = self._worlds.reset()  # type: ignore[assignment]
+            self._worlds.practices.share = self._share
+            model._last_obs = self._worlds.reset()
             model._last_episode_starts = np.ones(self._options.worlds, bool)
             return
         notes, tensors = found
@@ -143,8 +167,11 @@ class Watch(BaseCallback):
         optimiser = model.policy.optimizer
         optimiser.load_state_dict(optimiser.state_dict() | {"state": moments})
         model.num_timesteps = notes["decisions"]
-        decisions = [list(tensors[f"place.{number}"].numpy()) for number in range(self._options.worlds)]
-        model._last_obs = self._worlds.go_to(list(zip(notes["episode"], decisions, strict=True)))
+        made = [tuple(tensors[f"place.{number}"].numpy()) for number in range(self._options.worlds)]
+        places = [Place(*each) for each in zip(notes["episode"], notes["share"], made, strict=True)]
+        self._level = notes["level"]
+        self._worlds.practices.share = self._share
+        model._last_obs = self._worlds.practices.go_to(places)
         model._last_episode_starts = np.array(notes["first"])
         self._earned = np.array(notes["earned"])
         self._recent.extend((reward, done) for reward, done in notes["recent"])

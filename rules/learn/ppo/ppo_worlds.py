@@ -1,62 +1,70 @@
-"""Several environments on one core, because other nodes of a build use the others."""
+"""The worlds of a training as stable-baselines3 takes them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from stable_baselines3.common.vec_env import DummyVecEnv
+from gymnasium import spaces
+from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 
-from dextera_build.artifacts.tasks.policy import PolicyContract
-from dextera_build.artifacts.tasks.task import TaskBundle
-from dextera_build.policy.added import AddedTerm
-from dextera_build.sim.training.practice import Practice
-
-Place = tuple[int, list[np.ndarray]]
-"""State of one environment: number of its episode, decisions since its start."""
+from dextera_build.sim.training.practice import Practices
 
 
-class Worlds(DummyVecEnv):
-    """Environments whose state can be restored from an interrupted training.
+class Worlds(VecEnv):
+    """Worlds whose state can be restored from an interrupted training.
 
     Args:
-        bundle: The task.
-        contract: Inputs and outputs of the policy.
-        count: Number of environments.
-        seed: Seed of the starts.
-        terms: Terms of observations that do not come with dxb.
+        practices: The worlds.
     """
 
-    def __init__(
-        self, bundle: TaskBundle, contract: PolicyContract, count: int, seed: int, terms: Sequence[AddedTerm] = ()
-    ) -> None:
-        self.practices = [Practice(bundle, contract, seed, number, terms) for number in range(count)]
-        super().__init__([lambda practice=practice: practice for practice in self.practices])  # type: ignore[misc]
-        self.public = self.practices[0].public
+    def __init__(self, practices: Practices) -> None:
+        self.practices, self.render_mode = practices, None
+        self.public = practices.public
+        seen = spaces.Box(-np.inf, np.inf, (practices.size,), np.float32)
+        super().__init__(len(practices.places), seen, spaces.Box(-1.0, 1.0, (practices.decisions,), np.float32))
+
+    def reset(self) -> np.ndarray:
+        """Begin an episode in every world; the observations (N, K)."""
+        return self.practices.reset()
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Take one decision (N, M) for every world."""
+        self._decisions = actions
 
     def step_wait(self) -> VecEnvStepReturn:
-        """Step all environments, and reset those whose episode ended."""
-        results = [_step(*pair) for pair in zip(self.practices, self.actions, strict=True)]
-        for number, (observation, reward, done, info) in enumerate(results):
-            self._save_obs(number, observation)
-            self.buf_rews[number], self.buf_dones[number], self.buf_infos[number] = reward, done, info
-        return self._obs_from_buf(), np.copy(self.buf_rews), np.copy(self.buf_dones), list(self.buf_infos)
+        """Step all worlds, and begin the next episode where one ended."""
+        found = self.practices.step(list(self._decisions))
+        steps, seen = found.steps, found.numbers
+        done = steps.ended | steps.late
+        infos: list[dict[str, Any]] = [
+            {"is_success": success, "TimeLimit.truncated": late}
+            for success, late in zip(found.success.tolist(), (steps.late & ~steps.ended).tolist(), strict=True)
+        ]
+        if done.any():
+            numbers = np.flatnonzero(done).tolist()
+            for number in numbers:
+                infos[number]["terminal_observation"] = seen[number].copy()
+            seen = self.practices.reset(numbers)
+        return seen, steps.rewards.astype(np.float32), done, infos
 
-    def places(self) -> list[Place]:
-        """The state of every environment."""
-        return [(practice.episode, list(practice.decisions)) for practice in self.practices]
+    def close(self) -> None:
+        """Free the threads."""
+        self.practices.close()
 
-    def go_to(self, places: Sequence[Place]) -> np.ndarray:
-        """Restore the states `places`; return the observations (W, N + P)."""
-        return np.stack([practice.go_to(*place) for practice, place in zip(self.practices, places, strict=True)])
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """An attribute of the worlds, which have it in common."""
+        return [getattr(self, attr_name)] * self.num_envs
 
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Not possible: no world has attributes of its own."""
+        raise AttributeError(attr_name)
 
-def _step(practice: Practice, decision: np.ndarray) -> tuple[np.ndarray, float, bool, dict[str, Any]]:
-    observation, reward, ended, late, info = practice.step(decision)
-    info["TimeLimit.truncated"] = late and not ended
-    if ended or late:
-        info["terminal_observation"] = observation
-        observation, _ = practice.reset()
-    return observation, reward, ended or late, info
+    def env_method(self, method_name: str, *arguments: Any, indices: Any = None, **named: Any) -> list[Any]:
+        """Not possible: no world has methods of its own."""
+        raise AttributeError(method_name)
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """No world is wrapped."""
+        return [False] * self.num_envs

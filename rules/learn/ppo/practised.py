@@ -21,3 +21,5 @@ class Practised:
     """Fraction of them that succeeded while exploring, (L,) float32."""
     episodes: int
     """Number of finished episodes."""
+    share: float = 1.0
+    """Fraction of the task's ranges from which the last starts were drawn."""

@@ -43,19 +43,22 @@ def contract_of(
     thing = bundle.objects[bundle.task.object]
     kept: dict[str, tuple[str, ...] | None] = {"objects": (bundle.task.object,), "displacement": thing.joints}
     inputs = [contracts.channel(layout, name, kept.get(name)) for name in options.inputs]
-    limb, grip = limb_of(bundle), grip_of(bundle, options.grip)
-    robot = bundle.robot
+    robot, limbs = bundle.robot, limbs_of(bundle)
+    grips = [grip_of(bundle, limb, options.grip) for limb in limbs]
     elsewhere = {name for other in robot.limbs.values() for name in (*other.arm, *other.hand)}
-    elsewhere -= {*robot.limbs[limb].arm, *robot.limbs[limb].hand}
-    open_at = grip.open if grip else {}
-    rest = tuple(float(open_at.get(joint.name, joint.home)) for joint in bundle.robot.joints)
+    elsewhere -= {name for limb in limbs for name in (*robot.limbs[limb].arm, *robot.limbs[limb].hand)}
+    open_at = {name: place for grip in grips if grip for name, place in grip.open.items()}
+    rest = tuple(float(open_at.get(joint.name, joint.home)) for joint in robot.joints)
     single = [
         joint.name
-        for joint in bundle.robot.joints
+        for joint in robot.joints
         if joint.group in options.groups
         and not (joint.group == "arm" and options.control == "palm")
         and joint.name not in elsewhere
     ]
+    palms = len(limbs) if options.control == "palm" else 0
+    closing = _closing(bundle, options)
+    decisions = palms * (6 if options.turn_rad else 3) + len(closing) + len(single)
     return PolicyContract(
         algorithm="ppo",
         task=bundle.task.name,
@@ -66,34 +69,50 @@ def contract_of(
         dataset=bundle.encode(digest.of_bytes),
         settings={
             "control": options.control,
-            "limb": limb,
+            "limb": " ".join(limbs),
             "joints": " ".join(single),
-            "decisions": len(single) + (3 if options.control == "palm" else 0),
-            "places": 6 if options.control == "palm" else 0,
+            "decisions": decisions,
+            "places": 6 * palms,
             "step_m": options.step_m,
             "step_rad": options.step_rad,
             "lead_rad": options.lead_rad,
             "every": options.every,
             "width": options.width,
             "layers": options.layers,
-            **({contracts.PRIVILEGED: insight.size(layout)} if options.privileged else {}),
-            **(_turned(grip, heading_rad, options.lean_rad) if grip and heading_rad is not None else {}),
+            **({"grip": " ".join(closing)} if closing else {}),
+            **({"turn_rad": options.turn_rad} if options.turn_rad else {}),
+            **({contracts.PRIVILEGED: insight.size(layout, len(limbs))} if options.privileged else {}),
+            **(_turned(grips[0], heading_rad, options.lean_rad) if grips[0] and heading_rad is not None else {}),
         },
     )
 
 
-def limb_of(bundle: TaskBundle) -> str:
-    """The limb that the policy moves: the first that the task names, or the robot's first."""
-    return (*bundle.task.limbs, *bundle.robot.limb_names)[0]
+def limbs_of(bundle: TaskBundle) -> tuple[str, ...]:
+    """The limbs that the policy moves: those that carry the object by the task or its roles, otherwise one."""
+    primitive = catalogue.of(bundle.task, bundle.objects)
+    named = bundle.task.limbs or primitive.ordered() or bundle.robot.limb_names[:1]
+    return named if primitive.carries else named[:1]
 
 
-def grip_of(bundle: TaskBundle, name: str | None) -> Grip | None:
-    """The grip named `name`; None: a suitable one, if the hand has any."""
-    grips = bundle.robot.limbs[limb_of(bundle)].grips
+def grip_of(bundle: TaskBundle, limb: str, name: str | None) -> Grip | None:
+    """The grip of a limb named `name`; None: a suitable one, if the hand has any."""
+    grips = bundle.robot.limbs[limb].grips
     if name is not None:
         return grips[name]
     wanted = catalogue.kind(bundle.task.primitive).against
     return next((grip for grip in grips.values() if grip.against in wanted), None)
+
+
+def _closing(bundle: TaskBundle, options: PpoOptions) -> list[str]:
+    """The grip that a decision closes, for each limb; none if fingers stay open or are moved one by one."""
+    carries = catalogue.kind(bundle.task.primitive).carries
+    if "hand" in options.groups or not (carries if options.closes is None else options.closes):
+        return []
+    found = []
+    for name in limbs_of(bundle):
+        grip, grips = grip_of(bundle, name, options.grip), bundle.robot.limbs[name].grips
+        found += [label for label, each in grips.items() if each is grip and each.closed]
+    return found if len(found) == len(limbs_of(bundle)) else []
 
 
 def _turned(grip: Grip, heading_rad: float, lean_rad: float) -> dict[str, float]:

@@ -17,11 +17,15 @@ from dextera_build.artifacts.tasks.task import Reset, TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.learning import weights
 from dextera_build.rule import Context
+from dextera_build.sim.control.steering import Steering
+from dextera_build.sim.primitives.handover.primitive import HandoverGoal
+from dextera_build.sim.primitives.lift.primitive import LiftGoal
 from dextera_build.sim.runtime.environment import Environment
-from dextera_build.sim.training.practice import Practice
+from dextera_build.sim.training.practice import Practices
 from dextera_build.testing import RuleRunner
-from tests import episodes, task_bundles
+from tests import episodes, factories, openarm_tasks, task_bundles
 from tests.policy.policies import load, runner
+from tests.robots import robot_recipes
 from tests.rules.learn.trainings import Killed
 
 WIDE = Reset(position_m=0.01, joint_rad=0.1, robot_rad=0.005)
@@ -36,9 +40,12 @@ def learn(tmp_path: Path, backend: str = "sb3", bundle: TaskBundle = BUNDLE, **m
 
 
 def interrupted(
-    folder: Path, stop: int | None, monkeypatch: pytest.MonkeyPatch, **more: Any
+    folder: Path, stop: int | None, monkeypatch: pytest.MonkeyPatch, passing: float | None = None, **more: Any
 ) -> tuple[Checkpoint | None, list[str]]:
-    """A training that is killed after `stop` decisions; its checkpoint, if it got that far, and its logged lines."""
+    """A training that is killed after `stop` decisions; its checkpoint, if it got that far, and its logged lines.
+
+    `passing` may be out of bounds: 0 passes every step of a curriculum.
+    """
     found = RuleRunner(folder).find("learn.ppo")
     module = found.backends["sb3"].module
     monkeypatch.setattr(f"{module.Watch.__module__}.SAVE_EVERY_S", 0.0, raising=True)
@@ -52,6 +59,9 @@ def interrupted(
 
     ctx = Context(module, scratch=folder / "scratch", emit=emit, keep=folder / "keep")
     options = found.rule.options.model_validate(SMALL | more)
+    if passing is not None:
+        options = options.model_copy(update={"passing": passing})
+        monkeypatch.setattr(f"{module.Watch.__module__}.LEAST", 1, raising=True)
     try:
         return found.rule(ctx, BUNDLE, options=options), lines
     except Killed:
@@ -127,6 +137,63 @@ def test_a_training_that_was_killed_ends_with_the_same_bytes(tmp_path: Path, mon
     assert rest.steps.tolist() == whole.steps.tolist()
 
 
+@pytest.mark.medium
+def test_a_curriculum_widens_the_starts_and_survives_a_kill(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    easy: dict[str, Any] = {"curriculum": 3, "passing": 0.0, "steps": 128}
+    whole, lines = interrupted(tmp_path / "whole", None, monkeypatch, **easy)
+    assert whole
+    assert lines == [
+        "starts within 67 % of the ranges from decision 64",
+        "starts within 100 % of the ranges from decision 96",
+    ]
+    for stop in (70, 120):
+        interrupted(tmp_path / "cut", stop, monkeypatch, **easy)
+    rest, lines = interrupted(tmp_path / "cut", None, monkeypatch, **easy)
+    assert lines[0] == "resumes after decision 96"
+    assert rest
+    assert same(rest, whole)
+    plain, _ = interrupted(tmp_path / "plain", None, monkeypatch, steps=128)
+    assert plain
+    assert not same(plain, whole)
+
+
+def test_a_curriculum_that_is_not_passed_stays_near_the_photograph(tmp_path: Path) -> None:
+    runner = RuleRunner(tmp_path)
+    runner.run("learn.ppo", backend="sb3", bundle=BUNDLE, options=SMALL | {"steps": 32, "curriculum": 4})
+    assert runner.outcome.line.endswith("success while exploring within 25 % of the ranges of starts")
+
+
+def test_threads_do_not_change_the_bytes(tmp_path: Path) -> None:
+    options = {"worlds": 3, "steps": 48}
+    assert same(learn(tmp_path / "1", **options), learn(tmp_path / "2", threads=3, **options))
+
+
+@pytest.mark.medium
+def test_both_hands_of_a_task_are_moved(tmp_path: Path) -> None:
+    """Three decisions for each palm and one for each hand's fingers, in the order of the task's roles."""
+    robot = robot_recipes.built("openarm_revo1", tmp_path)
+    box = factories.box_asset(factories.pose(0.0, 0.0), size=(0.05, 0.2, 0.12), mass=0.15)
+    both = openarm_tasks.bundle(robot, LiftGoal(height_m=0.1), {"box": box}, "box", limbs=("left", "right"))
+    given = both.task.model_copy(update={"goal": HandoverGoal(giver="right", receiver="left"), "limbs": ()})
+    one = both.task.model_copy(update={"limbs": ()})
+    found = {}
+    for name, task in (("both", both.task), ("given", given), ("one", one)):
+        bundle = both.model_copy(update={"task": task})
+        found[name] = learn(tmp_path, "stub", bundle, privileged=name == "both").contract
+    settings = {name: contract.settings for name, contract in found.items()}
+    assert [settings[name]["limb"] for name in found] == ["left right", "right left", "left"]
+    assert [settings[name]["decisions"] for name in found] == [8, 8, 4]
+    steering = Steering(robot, found["both"])
+    home = np.array(found["both"].action.mean)
+    sent = steering.targets(np.array([0, 0, 1.0, 0, 0, 1.0, 1.0, 0.0]), home, home)[-1]
+    moved = {name for name, way in zip(found["both"].action.names, sent - home, strict=True) if abs(way) > 1e-6}
+    left, right = robot.limbs["left"], robot.limbs["right"]
+    assert moved & {*left.arm}
+    assert moved & {*right.arm}
+    assert moved & {*left.hand}
+    assert not moved & {*right.hand}
+
+
 def test_the_state_of_another_training_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     interrupted(tmp_path, 44, monkeypatch)
     _, lines = interrupted(tmp_path, None, monkeypatch, seed=1)
@@ -166,19 +233,19 @@ def test_a_policy_acts_as_it_practised(tmp_path: Path) -> None:
     import torch
 
     made = learn(tmp_path)
-    practice = Practice(BUNDLE, made.contract)
+    practice = Practices(BUNDLE, made.contract)
     ppo = runner("ppo").network
     network = ppo.of_contract(made.contract)
     weights.fill(network, weights.from_bytes(made.weights))
-    seen, _ = practice.reset()
+    seen = practice.reset()
     practised = []
     for _ in range(6):
         with torch.inference_mode():
-            decision = ppo.decide(network, seen[None, : practice.public])
-        seen, *_ = practice.step(decision)
-        practised.append(practice.seen["deployable/previous_action"])
+            decision = ppo.decide(network, seen[:, : practice.public])
+        seen = practice.step([decision]).numbers
+        practised.append(practice.seen["deployable/previous_action"][0])
     environment, policy = Environment(BUNDLE), load(made, BUNDLE)
-    environment.begin(practice._task.environment.start)
+    environment.begin(practice.worlds.environments[0].start)
     acted = []
     for _ in range(6 * 4):
         environment.step(policy.act(environment.observe()))
@@ -208,13 +275,14 @@ def test_a_policy_holds_nothing_of_its_critic(tmp_path: Path) -> None:
 
 def test_privileged_numbers_full_of_nan_leave_actor_and_normalisation_alone(tmp_path: Path) -> None:
     made = learn(tmp_path, steps=32)
-    practice = Practice(BUNDLE, made.contract)
-    practice.reset()
-    clean = practice._observation()[: practice.public]
+    practice = Practices(BUNDLE, made.contract)
+    clean = practice.reset()[:, : practice.public]
     for name, value in practice.seen.items():
         if name.startswith("privileged/"):
             value[:] = np.nan
-    assert np.array_equal(practice._observation()[: practice.public], clean)
+    numbers = practice._numbers()
+    assert np.array_equal(numbers[:, : practice.public], clean)
+    assert np.isnan(numbers[:, practice.public :]).any()
 
 
 def test_normalisation_is_fixed_by_the_bundle(tmp_path: Path) -> None:

@@ -7,13 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.robots.robot import Follower, RobotModel
+from dextera_build.artifacts.robots.robot import Follower, Grip, RobotModel
 from dextera_build.artifacts.tasks.policy import Channel, PolicyContract
-from dextera_build.sim.control.steering import Steering, _Palm
+from dextera_build.geometry import lie
+from dextera_build.sim.control.steering import CLOSING, Steering, _Palm
 from dextera_build.sim.runtime.environment import Environment
 from tests import task_bundles
 
 HOME = np.array(list(task_bundles.HOME_M.values()))
+
+
+SHUT = Grip(against="thumb", open={"left": 0.05, "right": 0.05}, closed={"left": 0.01, "right": 0.01})
 
 
 def steering(**settings: Any) -> Steering:
@@ -27,6 +31,8 @@ def steering(**settings: Any) -> Steering:
         **settings,
     }
     robot = task_bundles.robot()
+    (limb,) = robot.limbs.values()
+    robot = robot.model_copy(update={"limbs": {"arm": limb.model_copy(update={"grips": {"shut": SHUT}})}})
     names = tuple(joint.name for joint in robot.joints)
     contract = PolicyContract(
         algorithm="ppo",
@@ -131,3 +137,37 @@ def test_the_palm_turns_to_where_the_contract_says():
     # A gantry cannot turn; what it can do, it does not give up for that.
     found = goal.targets(np.array([1.0, 0, 0]), HOME, HOME)[-1]
     assert found[0] == pytest.approx(0.05, abs=0.005)
+
+
+def test_one_decision_closes_and_opens_all_fingers_of_a_hand():
+    steer = steering(grip="shut", joints="")
+    assert steer.size == 4
+    sent, met = HOME.copy(), []
+    for closing in (1.0, 1.0, 1.0, -0.5, -1.0, -1.0):
+        sent = steer.targets(np.array([0.0, 0.0, 0.0, closing]), sent, sent)[-1]
+        met.append(sent[3:].copy())
+    shares = np.array([CLOSING, 1.0, 1.0, 1.0 - CLOSING / 2, 0.5 - CLOSING / 2, 0.0])
+    assert np.allclose(met, 0.05 - 0.04 * shares[:, None], atol=1e-9)
+
+
+def test_fingers_that_an_object_stops_do_not_close_on():
+    steer = steering(grip="shut", lead_rad=0.005)
+    sent, held = HOME.copy(), HOME.copy()
+    for _ in range(5):
+        sent = steer.targets(np.array([0.0, 0.0, 0.0, 1.0]), sent, held)[-1]
+    assert np.allclose(held[3:] - sent[3:], 0.005)
+
+
+def test_a_palm_that_may_turn_is_asked_for_more_than_it_can_do_by_a_gantry():
+    """Three more decisions turn the palm about the axes of the base; without any, it stays as it is."""
+    steer = steering(turn_rad=0.2, grip="shut")
+    assert steer.size == 7
+    found = steer.targets(np.array([1.0, 0, 0, 0, 0, 0, 1.0]), HOME, HOME)[-1]
+    assert found[:3] == pytest.approx([0.05, 0, 0], abs=0.002)
+    (palm,) = steer._palms
+    asked = []
+    palm._kinematics.step = lambda target, joints, posture: asked.append(target) or joints
+    steer.targets(np.array([0.0, 0, 0, 0.5, -1.0, 0, 0]), HOME, HOME)
+    start = palm._kinematics.pose(HOME[palm.arm])
+    assert np.allclose(asked[0][:3, :3], lie.rotation(np.array([0.1, -0.2, 0.0])) @ start[:3, :3], atol=1e-9)
+    assert np.allclose(asked[0][:3, 3], start[:3, 3])

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import io
+
 import mujoco
 import pytest
+from PIL import Image
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.errors import RuleError
 from dextera_build.sim.model import model
-from tests import episodes
+from tests import episodes, task_bundles
 
 
 def test_a_folder_without_a_scene_is_refused() -> None:
@@ -30,3 +33,20 @@ def test_a_simulation_that_diverges_leaves_no_log_behind(tmp_path, monkeypatch):
     mujoco.mj_step(compiled, data, 5)
     assert sum(warning.number for warning in data.warning) > 0
     assert list(tmp_path.iterdir()) == []
+
+
+def test_pictures_of_one_pixel_leave_the_physics_alone() -> None:
+    bundle = task_bundles.lift()
+    picture = io.BytesIO()
+    Image.new("RGB", (64, 64)).save(picture, "PNG")
+    asset = b'<asset><texture name="t" type="2d" file="t.png"/><material name="m" texture="t"/></asset><worldbody>'
+    scene = bundle.model.files["scene.xml"].replace(b"<worldbody>", asset, 1)
+    whole = Folder(files={"scene.xml": scene, "t.png": picture.getvalue()})
+    models = [model.compile_folder(folder) for folder in (whole, model.untextured(whole))]
+    assert [each.ntexdata for each in models] == [64 * 64 * 3, 3]
+    states = []
+    for each in models:
+        data = model.at_home(each)
+        mujoco.mj_step(each, data, 50)
+        states.append(data.qpos.tobytes())
+    assert states[0] == states[1]

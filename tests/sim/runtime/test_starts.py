@@ -73,6 +73,20 @@ def test_without_dynamics_the_estimates_stay():
     assert start.gain_scale == 1.0
 
 
+def test_a_share_of_the_ranges_is_the_same_draw_nearer_to_the_photograph():
+    environment = Environment(task_bundles.close(reset=WIDE.model_copy(update={"dynamics": 0.0})))
+    photographed = environment.start.qpos
+    for seed in range(3):
+        offsets = []
+        for share in (1.0, 0.5, 0.0):
+            environment.reset(seed, share=share)
+            offsets.append(environment.start.qpos - photographed)
+        places = [*range(3), *range(7, 10), 14]
+        assert np.abs(offsets[0][places]).max() > 1e-3
+        assert np.allclose(offsets[0][places], 2.0 * offsets[1][places], atol=1e-8)
+        assert np.allclose(offsets[2], 0.0, atol=1e-8)
+
+
 def test_no_start_begins_in_a_collision():
     # The box would often be drawn into a post beside it.
     pose = task_bundles.WORLD_FROM_BASE

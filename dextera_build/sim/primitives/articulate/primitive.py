@@ -97,6 +97,7 @@ class Primitive(base.Primitive[ArticulateGoal]):
     """Every selected joint is within tolerance of its command, at rest and not forced past a limit."""
 
     goal_type = ArticulateGoal
+    shaped = False
     against = ("nothing",)
     still = "on support"
     feels = False

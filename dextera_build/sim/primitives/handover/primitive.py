@@ -10,7 +10,7 @@ from pydantic import model_validator
 from dextera_build.errors import listing
 from dextera_build.sim.primitives import base
 from dextera_build.sim.primitives.base import Past, Setting, TypedGoal, UnfitError
-from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, near
+from dextera_build.sim.primitives.stages import DONE, FAR_M, HOLD, MOVE, REACH, near
 from dextera_build.sim.primitives.state import TaskState
 
 WAITS, GIVEN, SHARED, TAKEN = range(4)
@@ -71,6 +71,7 @@ class Primitive(base.Primitive[HandoverGoal]):
     """
 
     goal_type = HandoverGoal
+    shaped = False
     hands = 2
     stages = ("touched", "given", "in both hands", "taken")
 
@@ -108,13 +109,20 @@ class Primitive(base.Primitive[HandoverGoal]):
         return np.asarray(np.array(list(reasons.values()))[past.stage])
 
     def value(self, reach_m: np.ndarray, start: TaskState, now: TaskState, success: np.ndarray) -> np.ndarray:
-        """Value of the stages: reach, held by the giver off its support, held by both hands, held by the receiver."""
+        """Value of the stages: lifted by the giver, then reached and held by the receiver, then by it alone."""
         giver, receiver = (now.hand(limb) for limb in self.ordered())
-        found = REACH * near(reach_m)
-        on_support = found + 0.5 * HOLD * np.minimum(giver.fingers, 2) / 2
-        given = found + HOLD * giver.valid + 0.25 * MOVE * (giver.valid & receiver.presses)
-        taken = found + HOLD + MOVE * np.where(giver.presses, 0.5, 1.0) + DONE * success
-        return np.where(now.supported, on_support, np.where(receiver.valid, taken, given))
+        found = REACH * near(reach_m) + 0.5 * HOLD * np.minimum(giver.fingers, 2) / 2
+        # At most as much as in both hands; the receiver may come from anywhere, so that its share has no lower end.
+        coming = 0.3 * (1.0 - np.fmin(reach_m, FAR_M) / FAR_M) + 0.15 * receiver.presses
+        given = REACH + HOLD + MOVE * coming
+        taken = REACH + HOLD + MOVE * np.where(giver.presses, 0.5, 1.0) + DONE * success
+        held = np.where(receiver.held, taken, np.where(giver.held, given, found))
+        return np.where(now.supported, found, held)
+
+    def reaching(self, now: TaskState) -> np.ndarray:
+        """The giver, and the receiver once the giver holds the object off its support."""
+        giver, receiver = self.ordered()
+        return np.where(now.hand(giver).held & ~now.supported, receiver, giver)
 
     def ordered(self) -> tuple[str, ...]:
         """Giver and receiver."""

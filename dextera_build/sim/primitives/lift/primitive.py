@@ -46,6 +46,7 @@ class Primitive(base.Primitive[LiftGoal]):
     """
 
     goal_type = LiftGoal
+    shaped = False
     still = "in hand"
     stages = ("touched", "grasped", "off its support", "raised")
 

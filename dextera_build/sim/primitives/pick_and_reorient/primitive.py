@@ -38,6 +38,7 @@ class Primitive(base.Primitive[ReorientGoal]):
     """The object's pose is within tolerance of its target, and only a valid grasp holds it there."""
 
     goal_type = ReorientGoal
+    shaped = False
     stages = ("touched", "grasped", "off its support", "at its target")
 
     def holds(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:

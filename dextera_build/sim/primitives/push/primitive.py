@@ -86,6 +86,7 @@ class Primitive(base.Primitive[PushGoal]):
     """
 
     goal_type = PushGoal
+    shaped = False
     carries = False
     stages = ("touched", "halfway", "at its target")
 

@@ -1,0 +1,1 @@
+"""What many worlds cost in one process, beside MuJoCo alone."""
