@@ -17,6 +17,9 @@ INTERVENTIONS = Topic("/dxb/interventions", "std_msgs/String")
 VERDICTS = Topic("/dxb/verdict", "std_msgs/String")
 """Success by the measurements, and by the operator."""
 
+CHUNK_BYTES = 1 << 15
+"""Size of a chunk: what a crash can lose, two seconds of joint states."""
+
 
 class Bag:
     """A recording that is being written, by several threads.
@@ -28,7 +31,7 @@ class Bag:
     def __init__(self, out: IO[bytes]) -> None:
         self._out = out
         # Pictures are compressed already, and nothing may delay a control period.
-        self._recording = Recording(out, "none")
+        self._recording = Recording(out, "none", CHUNK_BYTES)
         self._lock = threading.Lock()
         self._open = True
         self.fault = ""

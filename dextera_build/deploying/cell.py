@@ -49,6 +49,8 @@ class Safety:
     """Time in which the speed limits rise from 0 [s]."""
     age_s: float = 0.2
     """Maximum age of a joint state beyond the shortest delay [s]."""
+    answer_s: float = 0.5
+    """Maximum time from a measurement to the command that follows from it [s]."""
     skew_s: float = 0.05
     """Maximum difference of the stamps of a picture and the joint state that belongs to it [s]."""
 
@@ -146,7 +148,7 @@ class RosCell:
         skew = (max(stamps) - min(stamps)) / SECOND
         if skew > self.safety.skew_s:
             raise self._stop(f"pictures and joint states are {skew:.3f} s apart, more than {self.safety.skew_s:g} s")
-        self._anchor = joints
+        self._anchor, self._measured = joints, self._transport.clock()
         seen = {name: Frame(rgb=self._picture(name, each)) for name, each in shown.items() if each is not None}
         return Measurement(np.array(joints.value), self._poses(), self._displacement(), {**seen, **(frames or {})})
 
@@ -158,6 +160,8 @@ class RosCell:
         """
         self._check()
         now = self._transport.clock()
+        if (answer_s := (now - self._measured) / SECOND) > self.safety.answer_s:
+            raise self._stop(f"the policy answered after {answer_s:.2f} s, later than {self.safety.answer_s:g} s")
         seen = [each.silent_s(now) for each in self.needed_streams() if each is not self.state]
         try:
             sent = self._guard.passed(targets, np.zeros((0, 3)), max(seen, default=0.0))

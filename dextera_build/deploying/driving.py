@@ -98,18 +98,25 @@ def drive(
         halt: Set by the operator to stop.
     """
     ran = Drive()
-    policy.reset()
     try:
+        # The first answer may take seconds, in which libraries are loaded; it is not carried out.
+        policy.reset()
+        policy.act(deployable(cell.begin(), cell.previous_action, goal, added))
+        policy.reset()
         measured = cell.begin()
         cell.tell("running")
         ran.success = False if cell.judges else None
-        first, period = clock.now(), round(SECOND / rate_hz)
+        due, period = clock.now(), round(SECOND / rate_hz)
         while True:
             if halt is not None and halt.is_set():
                 raise cell.stop("the operator stopped it")
             cell.send(policy.act(deployable(measured, cell.previous_action, goal, added)))
             ran.steps += 1
-            ran.missed += _wait(clock, first + ran.steps * period, period)
+            due = _next(clock, due + period)
+            late = clock.now() - due
+            ran.missed += late > period // 2
+            # Commands closer than a period would exceed the speed limits, so that time is not made up.
+            due += late if late > period // 2 else 0
             measured = cell.measure()
             if cell.judges:
                 ran.success = cell.mirror.judge(measured, ran.steps / rate_hz)
@@ -131,9 +138,9 @@ def verdict(bag: Bag, now: int, measured: bool | None, operator: bool | None) ->
     bag.say(VERDICTS, now, f"measured: {words[measured]}; operator: {words[operator]}")
 
 
-def _wait(clock: Clock, until: int, period: int) -> bool:
-    """Wait for the next control period; returns whether it began late."""
-    left = until - clock.now()
+def _next(clock: Clock, due: int) -> int:
+    """Wait until a time [ns], and return it."""
+    left = due - clock.now()
     if left > 0:
         clock.sleep(left / SECOND)
-    return clock.now() - until > period // 2
+    return due

@@ -19,8 +19,8 @@ WHY: dict[FaultKind, str] = {
     "stamps_jump": "the stamps of `/joint_states` jumped by +3.00 s",
     "stamps_back": "the stamps of `/joint_states` jumped by -3.00 s",
     "nan": "a message of `/joint_states` cannot be used: the position of x is not a finite number",
-    "joint_missing": "a message of `/joint_states` cannot be used: it lacks x; it has y, z, left and right",
-    "joint_renamed": "a message of `/joint_states` cannot be used: it lacks x; it has x_2, y, z, left and right",
+    "joint_missing": "a message of `/joint_states` cannot be used: it lacks x; it has left, right, y, z",
+    "joint_renamed": "a message of `/joint_states` cannot be used: it lacks x; it has left, right, x_2, y, z",
     "cut": "no joint states arrived for more than 0.1 s",
 }
 
@@ -93,3 +93,37 @@ def test_a_robot_that_is_silent_from_the_beginning_is_not_moved() -> None:
     ran = rig.drive(Line(TARGETS))
     assert ran.reason.startswith("the guard stopped the robot: nothing arrived on /joint_states")
     assert rig.robot.heard.commands == 0
+
+
+def test_a_slow_policy_neither_bursts_nor_acts_on_what_was_long_ago() -> None:
+    rig = Rig()
+    times: list[int] = []
+    publish = rig.transport.publish
+
+    def noted(topic, message):
+        times.append(rig.time) if topic.name == "/joint_trajectory" else None
+        publish(topic, message)
+
+    rig.transport.publish = noted  # type: ignore[method-assign]
+    slow = iter([0.3, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0, 0.7])
+
+    def answer() -> np.ndarray:
+        rig.sleep(seconds) if (seconds := next(slow)) else None
+        return TARGETS
+
+    ran = rig.drive(Line(TARGETS, after=5, then=answer))
+    assert ran.reason == "the guard stopped the robot: the policy answered after 0.70 s, later than 0.5 s"
+    assert ran.missed == 2
+    assert min(np.diff(times)) >= 50_000_000
+    held(rig)
+
+
+def test_the_operator_stops_it() -> None:
+    rig = Rig()
+
+    def pressed() -> np.ndarray:
+        raise KeyboardInterrupt
+
+    ran = rig.drive(Line(TARGETS, after=10, then=pressed))
+    assert ran.reason == "the guard stopped the robot: the operator stopped it"
+    held(rig)
