@@ -86,7 +86,7 @@ class RosCell:
         self.mirror = MeasuredState(bundle)
         """Judges success by what was measured."""
         rate = bundle.task.control_hz
-        self._period, self._rate = round(SECOND / rate), rate
+        self._period, self.rate_hz = round(SECOND / rate), rate
         self._guard = Guard(safety.limits, bundle.robot, rate, self.mirror.palms, safety.ramp_s)
         self.previous_action = np.zeros(len(bundle.robot.joints))
         """Joint targets that were sent last (A,) [rad or m]."""
@@ -236,7 +236,7 @@ class RosCell:
         now = self._transport.clock()
         why = next((each.fault for each in self.needed_streams() if each.fault), "")
         why = why or (self._bag.fault if self._bag is not None else "")
-        most = self.safety.periods / self._rate
+        most = self.safety.periods / self.rate_hz
         if not why and self.state.silent_s(now) > most:
             why = f"no joint states arrived for more than {most:g} s"
         if not why and self.state.age_s(now) > self.safety.age_s:

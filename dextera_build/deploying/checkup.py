@@ -14,8 +14,8 @@ from dextera_build.deploying.topics import Topics
 from dextera_build.deploying.transport import Endpoint, Topic, Transport
 from dextera_build.formats.ros import hashes
 
-LEAST_STATE_HZ = 50.0
-"""Lowest rate of joint states [Hz]; below it, two control periods of 20 Hz may pass without one."""
+LEAST_STATES = 2.5
+"""Fewest joint states per control period, so that a lost one is no silence."""
 CLOCK_S = 0.05
 """Offset of clocks that is reported [s]; a run corrects it, recordings of both machines do not."""
 NEAR_RAD = 0.05
@@ -57,7 +57,7 @@ def checkup(
     found = [check for topic in topics.measured() if topic.name in needed for check in _published(topic, others)]
     found += [check for controller in topics.controllers for check in _read(controller.topic, others)]
     found += [check for stream in cell.needed_streams() for check in _arrives(stream)]
-    found += _clock(cell.state)
+    found += _clock(cell.state, LEAST_STATES * cell.rate_hz)
     found += _joints(cell, robot)
     return tuple(found)
 
@@ -132,16 +132,16 @@ def _arrives(stream: Stream) -> Iterator[Check]:
         yield Check(f"{stream.topic} arrives", True, f"{stream.count} messages, {stream.rate_hz():.1f} Hz")
 
 
-def _clock(state: Stream) -> Iterator[Check]:
+def _clock(state: Stream, least_hz: float) -> Iterator[Check]:
     """Rate of joint states, and the offset of the robot's clock, which is only reported."""
     if state.last is None:
         return
     rate = state.rate_hz()
     yield Check(
         "rate of joint states",
-        rate >= LEAST_STATE_HZ,
+        rate >= least_hz,
         f"{rate:.1f} Hz",
-        f"raise `update_rate` of the controller manager to {LEAST_STATE_HZ:g} Hz or more",
+        f"raise `update_rate` of the controller manager to {least_hz:g} Hz or more",
     )
     offset = state.offset_s
     remark = "; `chrony` on both machines would set it" if abs(offset) > CLOCK_S else ""

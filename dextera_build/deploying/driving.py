@@ -44,7 +44,7 @@ class Drive:
     steps: int = 0
     """Number of control periods."""
     missed: int = 0
-    """Number of control periods that began late, by more than half a period."""
+    """Number of control periods whose command was sent late, by more than half a period."""
     interventions: int = 0
     """Number of control periods in which the guard changed targets."""
     delays_s: list[float] = field(default_factory=list)
@@ -112,11 +112,10 @@ def drive(
                 raise cell.stop("the operator stopped it")
             cell.send(policy.act(deployable(measured, cell.previous_action, goal, added)))
             ran.steps += 1
-            due = _next(clock, due + period)
-            late = clock.now() - due
-            ran.missed += late > period // 2
-            # Commands closer than a period would exceed the speed limits, so that time is not made up.
-            due += late if late > period // 2 else 0
+            # Commands that follow closely would exceed the speed limits, so that time is not made up.
+            late = clock.now() - due > period // 2
+            ran.missed += late
+            due = _next(clock, (clock.now() if late else due) + period)
             measured = cell.measure()
             if cell.judges:
                 ran.success = cell.mirror.judge(measured, ran.steps / rate_hz)

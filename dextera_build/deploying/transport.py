@@ -32,7 +32,7 @@ class Quality:
         return ("reliable" if self.reliable else "best effort") + (", transient local" if self.keeps else "")
 
 
-SENSOR = Quality(reliable=False, depth=5)
+SENSOR = Quality(reliable=False, depth=20)
 """A reader of cameras and encoders: it accepts reliable and best-effort writers."""
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import signal
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,10 @@ class Node:
     def __init__(self, process: subprocess.Popen[str], out: Path) -> None:
         self._process, self._out = process, out
 
+    def freeze(self, *, stop: bool) -> None:
+        """Stop the process, or let it continue: for others it is a network that is cut."""
+        self._process.send_signal(signal.SIGSTOP if stop else signal.SIGCONT)
+
     def ended(self) -> dict[str, Any]:
         """What it received, after its end."""
         _, err = self._process.communicate(timeout=60)
@@ -38,7 +43,7 @@ class Node:
 
 
 @contextlib.contextmanager
-def robot(domain: int, seconds: float, out: Path) -> Iterator[Node]:
+def robot(domain: int, seconds: float, out: Path, joints: Mapping[str, float]) -> Iterator[Node]:
     """A robot by rclpy, without multicast; the test is skipped without its environment."""
     home = ENVIRONMENTS / "ros"
     if not (home / ".installed").exists():
@@ -46,6 +51,7 @@ def robot(domain: int, seconds: float, out: Path) -> Iterator[Node]:
     kept = {key: value for key, value in os.environ.items() if not key.startswith(("PYTHON", "ROS_", "CYCLONEDDS"))}
     kept["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     command = [str(home / "bin" / "python"), str(SCRIPT), str(domain), str(seconds), str(out)]
+    command += [f"{name}={place}" for name, place in joints.items()]
     process = subprocess.Popen(command, env=kept, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         assert process.stdout is not None

@@ -1,4 +1,4 @@
-"""A robot of three joints as a node of ROS 2, run by `.venv/readers/ros`: `ros_robot.py DOMAIN SECONDS OUT.json`.
+"""A robot as a node of ROS 2, run by `.venv/readers/ros`: `ros_robot.py DOMAIN SECONDS OUT.json NAME=POSITION ...`.
 
 It publishes joint states at 100 Hz and pictures at 15 Hz, moves at once to what it is commanded, and writes what it
 received.
@@ -12,29 +12,29 @@ import time
 from typing import Any
 
 import rclpy
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import CompressedImage, JointState
 from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory
 
-JOINTS = ("a", "b", "c")
+KEPT = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def main(domain: int, seconds: float, out: str) -> None:
+def main(domain: int, seconds: float, out: str, *placed: str) -> None:
     rclpy.init(domain_id=domain)
     node = rclpy.create_node("robot")
-    joints = dict.fromkeys(JOINTS, 0.1)
+    joints = {name: float(place) for name, place in (each.split("=") for each in placed)}
     got: dict[str, Any] = {"trajectories": [], "numbers": [], "status": [], "late": 0}
 
     def moved(message: JointTrajectory) -> None:
         point = message.points[-1]
         got["trajectories"].append([list(message.joint_names), list(point.positions), point.time_from_start.nanosec])
-        got["late"] += bool(got["status"])
+        got["late"] += any(words.startswith("stopped") for words in got["status"])
         joints.update(zip(message.joint_names, point.positions, strict=True))
 
     node.create_subscription(JointTrajectory, "/joint_trajectory", moved, 10)
     node.create_subscription(Float64MultiArray, "/numbers", lambda each: got["numbers"].append(list(each.data)), 10)
-    node.create_subscription(String, "/status", lambda each: got["status"].append(each.data), 10)
+    node.create_subscription(String, "/dxb/status", lambda each: got["status"].append(each.data), KEPT)
     states = node.create_publisher(JointState, "/joint_states", 10)
     pictures = node.create_publisher(CompressedImage, "/camera/image/compressed", qos_profile_sensor_data)
 
@@ -58,4 +58,4 @@ def main(domain: int, seconds: float, out: str) -> None:
         json.dump(got, file)
 
 
-main(int(sys.argv[1]), float(sys.argv[2]), sys.argv[3])
+main(int(sys.argv[1]), float(sys.argv[2]), *sys.argv[3:])

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from dextera_build.deploying import loopback
+from dextera_build.deploying.topics import STATUS
 from dextera_build.deploying.transport import SENSOR, Endpoint, Quality, Topic, Transport
 from dextera_build.formats.ros import hashes, messages, types
 
@@ -140,10 +141,10 @@ def test_a_node_of_ros_2_is_heard_and_hears(tmp_path: Path) -> None:
     from tests.deploying import peers
 
     commands = Topic("/joint_trajectory", "trajectory_msgs/JointTrajectory")
-    numbers, status = Topic("/numbers", "std_msgs/Float64MultiArray"), Topic("/status", "std_msgs/String")
+    numbers, status = Topic("/numbers", "std_msgs/Float64MultiArray"), STATUS
     states: list[bytes] = []
     pictures: list[bytes] = []
-    with peers.robot(DOMAIN, 12.0, tmp_path / "got.json") as node:
+    with peers.robot(DOMAIN, 12.0, tmp_path / "got.json", dict.fromkeys("abc", 0.1)) as node:
         transport = Dds(domain=DOMAIN)
         transport.subscribe(JOINTS, lambda message, at: states.append(message))
         transport.subscribe(PICTURES, lambda message, at: pictures.append(message))
@@ -155,7 +156,7 @@ def test_a_node_of_ros_2_is_heard_and_hears(tmp_path: Path) -> None:
             transport.publish(numbers, messages.numbers("abc", np.array([1.0, 2.0, 3.0])))
             time.sleep(0.1)
         last = hashes.read(JOINTS.kind, states[-1])
-        transport.publish(status, messages.text("over"))
+        transport.publish(status, messages.text("stopped: over"))
         theirs = {each.topic: each for each in transport.others() if each.writes}
         got = node.ended()
         transport.close()
