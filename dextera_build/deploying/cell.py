@@ -47,8 +47,8 @@ class Safety:
     """Control periods without a joint state after which the robot holds."""
     ramp_s: float = 1.5
     """Time in which the speed limits rise from 0 [s]."""
-    age_s: float = 0.2
-    """Maximum age of a joint state beyond the shortest delay [s]."""
+    late_s: float = 0.2
+    """Maximum delay of a joint state beyond the shortest one [s]."""
     answer_s: float = 0.5
     """Maximum time from a measurement to the command that follows from it [s]."""
     skew_s: float = 0.05
@@ -239,8 +239,8 @@ class RosCell:
         most = self.safety.periods / self.rate_hz
         if not why and self.state.silent_s(now) > most:
             why = f"no joint states arrived for more than {most:g} s"
-        if not why and self.state.age_s(now) > self.safety.age_s:
-            why = f"the last joint state is older than {self.safety.age_s:g} s"
+        if not why and (late_s := self.state.late_s()) > self.safety.late_s:
+            why = f"joint states arrive {late_s:.2f} s late, more than {self.safety.late_s:g} s"
         if why:
             raise self._stop(why)
 

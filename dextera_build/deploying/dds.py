@@ -11,6 +11,7 @@ import os
 import threading
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
@@ -28,6 +29,8 @@ WAIT_MS = 100
 """Longest time after which the receiving thread looks whether the transport was closed [ms]."""
 _DOMAINS: dict[int, Any] = {}
 """Domains of this process; only the creation of one takes a configuration, and a process has each domain once."""
+ACKNOWLEDGED_NS = 200_000_000
+"""Longest time in which a transport that is closed waits for its last messages to arrive [ns]."""
 BATCH = 32
 """Most messages of one topic that are taken at once."""
 
@@ -107,6 +110,9 @@ class Dds:
         self._closed.set()
         self._thread.join(5)
         with self._lock:
+            for writer in self._writers.values():
+                with suppress(self._api.error):
+                    writer.wait_for_acks(ACKNOWLEDGED_NS)
             self._readers.clear()
             self._writers.clear()
             self._topics.clear()

@@ -126,6 +126,9 @@ def drive(
         ran.reason, ran.faulty = fault.message, True
     except KeyboardInterrupt:
         ran.reason, ran.faulty = cell.stop("the operator stopped it").message, True
+    except Exception as error:
+        cell.tell(f"stopped: {type(error).__name__}: {error}")
+        raise
     ran.interventions, ran.delays_s = cell.interventions, cell.delays_s
     cell.tell(f"stopped: {ran.reason}")
     return ran

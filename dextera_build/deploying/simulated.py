@@ -185,7 +185,7 @@ class SimulatedRobot:
             self.heard.unusable.append(str(error))
             return
         self.heard.commands += 1
-        self.heard.after_stop += any(words.startswith(STOPPED) for words in self.heard.status)
+        self.heard.after_stop += bool(self.heard.status) and self.heard.status[-1].startswith(STOPPED)
         if self._moving_since < 0:
             self._moving_since = self._ticks
         self._waiting.append((arrived + round(self._simulation.delay_s * SECOND), targets, reach_s))

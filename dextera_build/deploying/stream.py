@@ -1,4 +1,4 @@
-"""Measurements of one topic in the order of their stamps, with the offset of its clock and the age of the last one."""
+"""Measurements of one topic in the order of their stamps, with the offset of its clock and their delay."""
 
 from __future__ import annotations
 
@@ -84,10 +84,10 @@ class Stream:
         """Offset of the clock here from the one of the stamps, with the shortest delay [s]; 0 before the first one."""
         return (self._offset or 0) / SECOND
 
-    def age_s(self, now: int) -> float:
-        """Age of the newest measurement beyond the shortest delay [s]; infinite if there is none."""
+    def late_s(self) -> float:
+        """Delay of the newest measurement beyond the shortest one [s]; infinite if there is none."""
         last = self.last
-        return float("inf") if last is None else (now - last.stamp - (self._offset or 0)) / SECOND
+        return float("inf") if last is None else (last.arrived - last.stamp - (self._offset or 0)) / SECOND
 
     def silent_s(self, now: int) -> float:
         """Time since a measurement arrived [s]; infinite if none did."""

@@ -29,7 +29,7 @@ def main(domain: int, seconds: float, out: str, *placed: str) -> None:
     def moved(message: JointTrajectory) -> None:
         point = message.points[-1]
         got["trajectories"].append([list(message.joint_names), list(point.positions), point.time_from_start.nanosec])
-        got["late"] += any(words.startswith("stopped") for words in got["status"])
+        got["late"] += bool(got["status"]) and got["status"][-1].startswith("stopped")
         joints.update(zip(message.joint_names, point.positions, strict=True))
 
     node.create_subscription(JointTrajectory, "/joint_trajectory", moved, 10)

@@ -127,3 +127,15 @@ def test_the_operator_stops_it() -> None:
     ran = rig.drive(Line(TARGETS, after=10, then=pressed))
     assert ran.reason == "the guard stopped the robot: the operator stopped it"
     held(rig)
+
+
+def test_an_error_in_a_policy_is_told_to_the_robot() -> None:
+    rig = Rig()
+
+    def broken() -> np.ndarray:
+        raise ZeroDivisionError("by zero")
+
+    with pytest.raises(ZeroDivisionError):
+        rig.drive(Line(TARGETS, after=10, then=broken))
+    assert rig.robot.heard.status[-1] == "stopped: ZeroDivisionError: by zero"
+    held(rig)
