@@ -229,6 +229,7 @@ def facts(robot: SimulatedRobot) -> dict[str, Any]:
     """What happened to a simulated robot, as plain data."""
     heard = robot.heard
     layout = of_bundle(robot.environment.bundle)
+    places = robot.environment.measure().joints.tolist()
     return {
         "task": layout.task,
         "world": layout.world,
@@ -236,5 +237,6 @@ def facts(robot: SimulatedRobot) -> dict[str, Any]:
         "commands_after_stop": heard.after_stop,
         "unusable": heard.unusable[:5],
         "status": heard.status[-5:],
+        "joints": dict(zip(layout.joints, places, strict=True)),
         "success": robot.success,
     }

@@ -12,7 +12,7 @@ from dextera_build.formats.ros.reading import SECOND
 KEPT = 200
 """Number of measurements that are kept, two seconds of joint states."""
 LATE_NS = SECOND // 2
-"""Difference of a stamp from its expected time above which a clock was set, rather than a message late [ns]."""
+"""Time by which a stamp is ahead of every delay, or behind the one before, if a clock was set [ns]."""
 
 
 @dataclass(frozen=True)
@@ -54,15 +54,21 @@ class Stream:
         with self._lock:
             self.count += 1
             difference = sample.arrived - sample.stamp
-            if self._offset is not None and abs(difference - self._offset) > LATE_NS:
-                jump = (self._offset - difference) / SECOND
-                self.fault = self.fault or f"the stamps of `{self.topic}` jumped by {jump:+.2f} s"
+            if self._offset is not None and (jump := self._jump(sample, self._offset)):
+                self.fault = self.fault or f"the stamps of `{self.topic}` jumped by {jump / SECOND:+.2f} s"
                 return
             self._offset = difference if self._offset is None else min(self._offset, difference)
             if self._samples and sample.stamp < self._samples[-1].stamp:
                 self.stale += 1
                 return
             self._samples.append(sample)
+
+    def _jump(self, sample: Sample, offset: int) -> int:
+        """By how much the clock of the stamps was set [ns]; 0: not at all. A message that is late shows nothing."""
+        ahead = offset - (sample.arrived - sample.stamp)
+        if ahead > LATE_NS or (self._samples and self._samples[-1].stamp - sample.stamp > LATE_NS):
+            return ahead
+        return 0
 
     def broken(self, why: str) -> None:
         """Note a message that cannot be used."""
