@@ -14,9 +14,9 @@ export MUJOCO_GL ?= egl
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Tests start hundreds of processes; each would compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
-# Environments of programs of other projects that slow tests use: loaders of data sets, a policy's client, MediaPipe; .ci/readers lists
-# what is in each.
-READERS := lerobot-0.3 lerobot-0.4 robomimic rlds openpi mediapipe
+# Environments of programs of other projects that slow tests use: loaders of data sets, a policy's client, MediaPipe, nodes of ROS 2;
+# .ci/readers lists what is in each.
+READERS := lerobot-0.3 lerobot-0.4 robomimic rlds openpi mediapipe ros
 # More arguments for pytest: make test ARGS='-k recipe -x'
 ARGS ?=
 
@@ -50,7 +50,7 @@ test-all: setup servers readers meshes $(VENV)/.robots $(VENV)/.repair ## Run ev
 servers: setup $(VENV)/servers/.installed $(VENV)/ray/.installed ## Install the servers and the Ray that slow tests start
 	@.ci/system servers
 
-readers: setup $(READERS:%=$(VENV)/readers/%/.installed) ## Install the loaders of data sets, the policy's client and MediaPipe that slow tests use, in environments of their own; 5 GB
+readers: setup $(READERS:%=$(VENV)/readers/%/.installed) ## Install the loaders of data sets, the policy's client, MediaPipe and ROS 2 that slow tests use, in environments of their own; 5 GB
 
 meshes: $(VENV)/objects/.fetched ## Fetch the meshes that recipes/benchmark/objects.yaml names; 400 MB of wheels, which are not installed
 
@@ -183,6 +183,6 @@ $(VENV)/.peers: .ci/peers.txt $(VENV)/.created
 	@touch $@
 
 $(VENV)/.installed: pyproject.toml $(VENV)/.locked
-	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable '.[twin,learn,recordings,share,cloud,models,view,teleop,serve,warp]'
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable '.[twin,learn,recordings,share,cloud,models,view,teleop,serve,ros,warp]'
 	$(BIN)/python -m pip check
 	@touch $@

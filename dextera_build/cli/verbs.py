@@ -21,6 +21,10 @@ GROUPS = {
         "serve": "serve a policy to robots and evaluators, by openpi's protocol on web sockets",
         "report": "write a run's report, one offline HTML file",
     },
+    "robot": {
+        "run": "run a policy on a robot with ROS 2, within limits, and record it",
+        "robot": "check the connection to a robot, or simulate one",
+    },
     "share": {
         "cache": "push and pull results, collect garbage, verify or serve the store",
         "bundle": "export and import results with their provenance",

@@ -45,10 +45,16 @@ class Guard:
         robot: The embodiment.
         rate_hz: Control rate [Hz].
         palms: Joint positions (A,) to positions (L, 3) of the palms in the base frame [m], by `RobotModel.limb_names`.
+        ramp_s: Time after `begin` in which the speed limits rise from 0 [s], because the first targets may be far away.
     """
 
     def __init__(
-        self, limits: Limits, robot: RobotModel, rate_hz: float, palms: Callable[[np.ndarray], np.ndarray]
+        self,
+        limits: Limits,
+        robot: RobotModel,
+        rate_hz: float,
+        palms: Callable[[np.ndarray], np.ndarray],
+        ramp_s: float = 0.0,
     ) -> None:
         self._limits, self._palms, self._limbs = limits, palms, robot.limb_names
         self._names = [joint.name for joint in robot.joints]
@@ -56,13 +62,19 @@ class Guard:
             np.array([getattr(joint, name) for joint in robot.joints]) for name in ("lower", "upper", "velocity")
         )
         self._step = limits.speed * speed / rate_hz
+        self._ramp, self._passed = max(1.0, ramp_s * rate_hz), 0
         self._tips = robot.tips
         self._last = np.zeros(len(self._names))
         self._why = ""
 
     def begin(self, targets: np.ndarray) -> None:
         """Begin with the current targets (A,) [rad]."""
-        self._last, self._why = np.array(targets, np.float64), ""
+        self._last, self._why, self._passed = np.array(targets, np.float64), "", 0
+
+    def stop(self, why: str) -> Stopped:
+        """Stop the robot until `begin` for a reason outside of the targets; returns what to raise."""
+        self._why = self._why or why
+        return Stopped(f"the guard stopped the robot: {self._why}", code="DXB-B249")
 
     def passed(self, targets: np.ndarray, forces: np.ndarray, silent_s: float) -> np.ndarray:
         """The targets (A,) that may be sent.
@@ -78,12 +90,13 @@ class Guard:
         found = np.asarray(targets, np.float64)
         self._why = self._why or self._finite(found) or self._watched(forces, silent_s)
         if not self._why:
-            near = np.clip(found, self._last - self._step, self._last + self._step)
+            step = self._step * min(1.0, (self._passed + 1) / self._ramp)
+            near = np.clip(found, self._last - step, self._last + step)
             found = np.clip(near, self._lower, self._upper)
             self._why = self._outside(found)
         if self._why:
-            raise Stopped(f"the guard stopped the robot: {self._why}", code="DXB-B249")
-        self._last = found
+            raise self.stop(self._why)
+        self._last, self._passed = found, self._passed + 1
         return found
 
     def _finite(self, targets: np.ndarray) -> str:

@@ -116,9 +116,7 @@ def _served(session: Session, node: str) -> Served:
     if told := stubs.told(session, node):
         notices[told] = None
     bundle = _bundle(session, node, found)
-    return Served(
-        _runner(session, node, found), found, session.output(node), bundle, tuple(_terms(session, node, found))
-    )
+    return Served(runner(session, node, found), found, session.output(node), bundle, tuple(terms(session, node, found)))
 
 
 def named(session: Session, node: str) -> str:
@@ -147,7 +145,7 @@ def _bundle(session: Session, node: str, checkpoint: Checkpoint) -> TaskBundle:
     )
 
 
-def _runner(session: Session, node: str, checkpoint: Checkpoint) -> Runner:
+def runner(session: Session, node: str, checkpoint: Checkpoint) -> Runner:
     """`policy.py` next to the rule that trained a policy."""
     from dextera_build.code.companions import beside
     from dextera_build.explain import ancestors
@@ -158,11 +156,11 @@ def _runner(session: Session, node: str, checkpoint: Checkpoint) -> Runner:
     rules = {event["rule"] for kind, event in ancestors.behind(session, node) if kind == checkpoint.name()}
     near = (beside(session.project.library.find(rule), "policy") for rule in sorted(rules))
     found = [each for each in near if each.name == algorithm and each.file.is_file()]
-    runner: Runner = called.running({"checkpoint": found})("checkpoint", algorithm, Runner)
-    return runner
+    found_runner: Runner = called.running({"checkpoint": found})("checkpoint", algorithm, Runner)
+    return found_runner
 
 
-def _terms(session: Session, node: str, checkpoint: Checkpoint) -> Iterator[TermSpec]:
+def terms(session: Session, node: str, checkpoint: Checkpoint) -> Iterator[TermSpec]:
     """Terms of a policy's inputs that do not come with dxb, from the episodes that it learned from."""
     from dextera_build.artifacts.tasks.episode import Episodes
     from dextera_build.explain import ancestors

@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
 
     session, node = options.session(args, args.target, last=True)
     with called.shown(session.project.library):
-        node, bundle = _task(args.target, session, node)
+        node, bundle = task(args.target, session, node, "teleop")
         name = session.recipe.rpartition("/")[2]
         out = Path(args.out or f"recordings/{name}.mcap")
         webcam = _webcam(args)
@@ -98,7 +98,12 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _task(target: str, session: Session, node: str) -> tuple[str, TaskBundle]:
+def task(target: str, session: Session, node: str, verb: str) -> tuple[str, TaskBundle]:
+    """The node of a recipe's task, and the task.
+
+    Raises:
+        UsageError: It is none, or was not built.
+    """
     from dextera_build.artifacts.tasks.task import TaskBundle
     from dextera_build.building import fetch
     from dextera_build.cli.look import shown
@@ -114,7 +119,7 @@ def _task(target: str, session: Session, node: str) -> tuple[str, TaskBundle]:
     raise UsageError(
         f"`{target}` is no task that was built" if not node else f"`{target}` is a {found.name()}, not a task",
         code="DXB-U333",
-        hint=f"`dxb build {session.recipe}:task`, then `dxb teleop {session.recipe}`",
+        hint=f"`dxb build {session.recipe}:task`, then `dxb {verb} ...` again",
     )
 
 

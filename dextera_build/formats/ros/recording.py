@@ -19,13 +19,16 @@ class Recording:
     Args:
         out: Output stream.
         compression: Compression of the file's chunks.
+        chunk_bytes: Size at which a chunk is written.
     """
 
-    def __init__(self, out: IO[bytes], compression: Literal["zstd", "none"] = "zstd") -> None:
+    def __init__(
+        self, out: IO[bytes], compression: Literal["zstd", "none"] = "zstd", chunk_bytes: int = 1 << 20
+    ) -> None:
         from mcap.writer import CompressionType, Writer
 
         packed = CompressionType.ZSTD if compression == "zstd" else CompressionType.NONE
-        self._writer = Writer(out, compression=packed)
+        self._writer = Writer(out, chunk_size=chunk_bytes, compression=packed)
         self._writer.start(profile="ros2", library="dextera-build")
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}

@@ -1,0 +1,1 @@
+"""Verbs that connect to robots."""

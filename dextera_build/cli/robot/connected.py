@@ -1,0 +1,114 @@
+"""What the verbs of robots have in common: arguments, the task, the robot's names, and the transport."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from dextera_build.cli import options
+
+if TYPE_CHECKING:
+    from dextera_build.artifacts.base import Artifact
+    from dextera_build.artifacts.tasks.task import TaskBundle, View
+    from dextera_build.deploying.checkup import Check
+    from dextera_build.deploying.topics import Topics
+    from dextera_build.deploying.transport import Transport
+    from dextera_build.session import Session
+
+T = TypeVar("T", bound="Artifact")
+CAMERA = "workspace"
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of all verbs of robots."""
+    parser.add_argument("target", metavar="RECIPE[:NODE]", help="a task that was built")
+    parser.add_argument("--names", metavar="RECIPE:NODE", help="names of the robot, of simulate.ros_names")
+    parser.add_argument("--view", metavar="RECIPE:NODE", help="camera of a policy that takes pictures")
+    parser.add_argument("--camera", default=CAMERA, help=f"name of that camera in topics ({CAMERA})")
+    parser.add_argument("--domain", type=int, default=0, help="ROS_DOMAIN_ID of the robot (0)")
+    options.project_arguments(parser)
+    options.json_argument(parser)
+    parser.set_defaults(input=[], settings=[], backends=[])
+
+
+@dataclass(frozen=True)
+class Connected:
+    """A task with the topics of its robot."""
+
+    session: Session
+    """The recipe of the task."""
+    bundle: TaskBundle
+    """The task."""
+    topics: Topics
+    """Topics of the robot."""
+    view: View | None
+    """Camera of policies on pictures."""
+
+
+def opened(args: argparse.Namespace) -> Connected:
+    """The task and the names that the arguments state.
+
+    Raises:
+        UsageError: A node is none of the needed type.
+    """
+    from dextera_build.artifacts.robots.ros_names import RosNames
+    from dextera_build.artifacts.tasks.task import View
+    from dextera_build.cli.look.teleop import task
+    from dextera_build.deploying import topics
+
+    session, node = options.session(args, args.target, last=True)
+    _, bundle = task(args.target, session, node, args.verb)
+    names = artifact(args, args.names, RosNames) if args.names else RosNames()
+    view = artifact(args, args.view, View) if args.view else None
+    return Connected(session, bundle, topics.of_robot(bundle.robot, names, (args.camera,) if view else ()), view)
+
+
+def artifact(args: argparse.Namespace, target: str, kind: type[T]) -> T:
+    """The artifact of a node that was built.
+
+    Raises:
+        UsageError: It is of another type.
+    """
+    from dextera_build.building import fetch
+    from dextera_build.errors import UsageError
+
+    session, node = options.session(args, target, last=True)
+    if node:
+        fetch.bring(session, [node] if node in session.history else [])
+        found = session.artifact(node)
+        if isinstance(found, kind):
+            return found
+    raise UsageError(
+        f"`{target}` is no {kind.name()}" if node else f"`{target}` names no node",
+        code="DXB-U345",
+        facts={"needed": kind.name()},
+        hint=f"`dxb ls {session.recipe}` lists nodes and their types",
+    )
+
+
+def transport(args: argparse.Namespace, peers: tuple[str, ...]) -> Transport:
+    """A participant of the robot's DDS domain.
+
+    Raises:
+        UsageError: There is no such domain.
+        MachineError: cyclonedds is missing, or cannot use the network.
+    """
+    from dextera_build.deploying import dds
+    from dextera_build.errors import UsageError
+
+    if not 0 <= args.domain <= dds.MOST_DOMAIN:
+        raise UsageError(
+            f"there is no DDS domain {args.domain}", code="DXB-U345", hint=f"`--domain N`, 0 to {dds.MOST_DOMAIN}"
+        )
+    return dds.Dds(peers, args.domain)
+
+
+def shown(checks: tuple[Check, ...]) -> list[dict[str, Any]]:
+    """Print checks on stderr, and return them as plain data."""
+    for each in checks:
+        print(f"{'ok  ' if each.ok else 'FAIL'} {each.what}: {each.found}", file=sys.stderr)
+        if not each.ok and each.mend:
+            print(f"     {each.mend}", file=sys.stderr)
+    return [{"check": each.what, "ok": each.ok, "found": each.found, "mend": each.mend} for each in checks]

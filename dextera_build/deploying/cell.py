@@ -1,0 +1,284 @@
+"""The cell of a robot behind a transport: measurements synchronised by stamp, and commands that passed the guard.
+
+After a stop nothing is sent, so that the controllers of the robot hold the last targets.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from dextera_build.artifacts.robots.cell import Limits
+from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.deploying import wire
+from dextera_build.deploying.bag import INTERVENTIONS, Bag
+from dextera_build.deploying.stream import Sample, Stream
+from dextera_build.deploying.topics import STATUS, Topics
+from dextera_build.deploying.transport import Topic, Transport
+from dextera_build.errors import listing
+from dextera_build.formats.ros import images, messages
+from dextera_build.formats.ros.reading import SECOND
+from dextera_build.policy.cell import Guard, Stopped
+from dextera_build.policy.declared import BY_NAME
+from dextera_build.policy.observation import Frame, Frames, Measurement
+from dextera_build.sim.runtime.measured_state import MeasuredState
+
+Sleep = Callable[[float], None]
+SAME = 1e-9
+"""Difference of a target from the requested one that is rounding [rad or m]."""
+GUARDED = Limits(speed=0.5, silence_s=0.5)
+"""Limits of the guard on a robot."""
+STEP_S = 0.01
+"""Time between two looks for the first measurements [s]."""
+
+
+@dataclass(frozen=True)
+class Safety:
+    """Limits of a run on a robot; all are in force by default."""
+
+    limits: Limits = GUARDED
+    """Limits of the guard; `silence_s` is that of pictures and of poses of objects."""
+    periods: float = 2.0
+    """Control periods without a joint state after which the robot holds."""
+    ramp_s: float = 1.5
+    """Time in which the speed limits rise from 0 [s]."""
+    late_s: float = 0.2
+    """Maximum delay of a joint state beyond the shortest one [s]."""
+    answer_s: float = 0.5
+    """Maximum time from a measurement to the command that follows from it [s]."""
+    skew_s: float = 0.05
+    """Maximum difference of the stamps of a picture and the joint state that belongs to it [s]."""
+
+
+class RosCell:
+    """A robot that is measured and moved by messages.
+
+    Args:
+        transport: Carries the messages.
+        topics: Topics of the robot.
+        bundle: The task in the twin.
+        needed: Terms that the policy takes, of `objects`, `displacement` and `rgb`.
+        safety: Limits.
+        bag: Recording; None: none.
+        sleep: Waits [s].
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        topics: Topics,
+        bundle: TaskBundle,
+        needed: Collection[str] = (),
+        safety: Safety = Safety(),
+        bag: Bag | None = None,
+        sleep: Sleep = time.sleep,
+    ) -> None:
+        self._transport, self._topics, self._bundle, self._bag, self._sleep = transport, topics, bundle, bag, sleep
+        self.safety = safety
+        self._rows = {name: row for row, name in enumerate(bundle.objects)}
+        self._joints = wire.Joints([joint.name for joint in bundle.robot.joints], topics)
+        self._inner = wire.Joints(bundle.displacement_names, topics)
+        self.mirror = MeasuredState(bundle)
+        """Judges success by what was measured."""
+        rate = bundle.task.control_hz
+        self._period, self.rate_hz = round(SECOND / rate), rate
+        self._guard = Guard(safety.limits, bundle.robot, rate, self.mirror.palms, safety.ramp_s)
+        self.previous_action = np.zeros(len(bundle.robot.joints))
+        """Joint targets that were sent last (A,) [rad or m]."""
+        self.delays_s: list[float] = []
+        """Time from the stamp of a joint state to the command that followed from it, beyond the shortest delay [s]."""
+        self.interventions = 0
+        """Number of control periods in which the guard changed a target."""
+        self.state = Stream(topics.joints.name)
+        self.objects = {name: Stream(f"{topics.objects.name} of {name}") for name in bundle.objects}
+        self.displacement = Stream(topics.displacement.name)
+        self.pictures = {camera: Stream(topic.name, depth=4) for camera, topic in topics.pictures.items()}
+        self._needed = set(needed) & {"objects", "displacement", "rgb"}
+        if not bundle.displacement_names:
+            self._needed.discard("displacement")
+        self._listen()
+
+    def begin(self, limit_s: float = 10.0) -> Measurement:
+        """Wait for the first measurements, and begin with the robot where it is.
+
+        Raises:
+            Stopped: A topic stays silent, or what it says cannot be used.
+        """
+        end = self._transport.clock() + round(limit_s * SECOND)
+        while silent := [each.topic for each in self.needed_streams() if each.last is None and not each.fault]:
+            if self._transport.clock() > end:
+                raise self._guard.stop(f"nothing arrived on {listing(silent)} in {limit_s:g} s")
+            self._sleep(STEP_S)
+        self._check()
+        last = self.state.last
+        assert last is not None
+        self.previous_action = np.array(last.value)
+        self._guard.begin(self.previous_action)
+        measured = self.measure()
+        if self.judges:
+            self.mirror.begin(measured)
+        return measured
+
+    @property
+    def judges(self) -> bool:
+        """Whether objects are measured, so that success can be judged."""
+        inner = self.displacement.last is not None or not self._bundle.displacement_names
+        return inner and all(each.last is not None for each in self.objects.values())
+
+    def measure(self, frames: Frames | None = None) -> Measurement:
+        """The newest pictures with the joint state that belongs to them, and the poses of objects measured last.
+
+        Values that were not measured are NaN.
+
+        Raises:
+            Stopped: A measurement is missing, too old, or belongs to no other.
+        """
+        self._check()
+        shown = {name: stream.last for name, stream in self.pictures.items() if "rgb" in self._needed}
+        last = self.state.last
+        assert last is not None
+        anchor = min((each.stamp for each in shown.values() if each is not None), default=last.stamp)
+        joints = self.state.nearest(anchor) or last
+        stamps = [joints.stamp, *(each.stamp for each in shown.values() if each is not None)]
+        skew = (max(stamps) - min(stamps)) / SECOND
+        if skew > self.safety.skew_s:
+            raise self._stop(f"pictures and joint states are {skew:.3f} s apart, more than {self.safety.skew_s:g} s")
+        self._anchor, self._measured = joints, self._transport.clock()
+        seen = {name: Frame(rgb=self._picture(name, each)) for name, each in shown.items() if each is not None}
+        return Measurement(np.array(joints.value), self._poses(), self._displacement(), {**seen, **(frames or {})})
+
+    def send(self, targets: np.ndarray) -> np.ndarray:
+        """Send joint targets (A,) [rad or m] for one control period; returns the targets sent, within limits.
+
+        Raises:
+            Stopped: A limit is exceeded, and nothing was sent.
+        """
+        self._check()
+        now = self._transport.clock()
+        if (answer_s := (now - self._measured) / SECOND) > self.safety.answer_s:
+            raise self._stop(f"the policy answered after {answer_s:.2f} s, later than {self.safety.answer_s:g} s")
+        seen = [each.silent_s(now) for each in self.needed_streams() if each is not self.state]
+        try:
+            sent = self._guard.passed(targets, np.zeros((0, 3)), max(seen, default=0.0))
+        except Stopped as stopped:
+            self._say(stopped.message)
+            raise
+        self._intervened(np.asarray(targets, np.float64), sent)
+        for controller in self._topics.controllers:
+            command = self._joints.command(now, controller, sent, self._period)
+            self._transport.publish(controller.topic, command)
+            self._record(controller.topic, command, now)
+        self.delays_s.append((self._transport.clock() - self._anchor.stamp) / SECOND - self.state.offset_s)
+        self.previous_action = sent
+        return sent
+
+    def stop(self, why: str) -> Stopped:
+        """Stop for a reason from outside, such as the operator; returns what to raise."""
+        return self._stop(why)
+
+    def tell(self, words: str) -> None:
+        """Publish what the run does, for the robot and its operators."""
+        message = messages.text(words)
+        self._transport.publish(STATUS, message)
+        self._record(STATUS, message, self._transport.clock())
+
+    def needed_streams(self) -> list[Stream]:
+        """Streams that the policy needs."""
+        found = [self.state]
+        found += self.objects.values() if "objects" in self._needed else []
+        found += [self.displacement] if "displacement" in self._needed else []
+        found += self.pictures.values() if "rgb" in self._needed else []
+        return found
+
+    def _listen(self) -> None:
+        topics, subscribe = self._topics, self._transport.subscribe
+        subscribe(topics.joints, partial(self._heard, topics.joints, self.state, self._joints))
+        subscribe(topics.displacement, partial(self._heard, topics.displacement, self.displacement, self._inner))
+        subscribe(topics.objects, self._placed)
+        for camera, topic in topics.pictures.items():
+            subscribe(topic, partial(self._shown, topic, self.pictures[camera]))
+
+    def _heard(self, topic: Topic, stream: Stream, joints: wire.Joints, message: bytes, arrived: int) -> None:
+        self._record(topic, message, arrived)
+        try:
+            state = wire.unpacked(topic.kind, message)
+            stream.add(Sample(wire.stamp_of(state.header), arrived, joints.positions(state)))
+        except wire.UnusableError as error:
+            stream.broken(str(error))
+
+    def _placed(self, message: bytes, arrived: int) -> None:
+        self._record(self._topics.objects, message, arrived)
+        try:
+            found = wire.placed(wire.unpacked(self._topics.objects.kind, message), self._topics.names.base)
+        except wire.UnusableError as error:
+            for stream in self.objects.values():
+                stream.broken(str(error))
+            return
+        for name, (stamp, pose) in found.items():
+            if name in self.objects:
+                self.objects[name].add(Sample(stamp, arrived, pose))
+
+    def _shown(self, topic: Topic, stream: Stream, message: bytes, arrived: int) -> None:
+        self._record(topic, message, arrived)
+        try:
+            picture = wire.unpacked(topic.kind, message)
+            stream.add(Sample(wire.stamp_of(picture.header), arrived, picture))
+        except wire.UnusableError as error:
+            stream.broken(str(error))
+
+    def _check(self) -> None:
+        """Raise if the measurements or the recording are of no use."""
+        now = self._transport.clock()
+        why = next((each.fault for each in self.needed_streams() if each.fault), "")
+        why = why or (self._bag.fault if self._bag is not None else "")
+        most = self.safety.periods / self.rate_hz
+        if not why and self.state.silent_s(now) > most:
+            why = f"no joint states arrived for more than {most:g} s"
+        if not why and (late_s := self.state.late_s()) > self.safety.late_s:
+            why = f"joint states arrive {late_s:.2f} s late, more than {self.safety.late_s:g} s"
+        if why:
+            raise self._stop(why)
+
+    def _stop(self, why: str) -> Stopped:
+        stopped = self._guard.stop(why)
+        self._say(stopped.message)
+        return stopped
+
+    def _intervened(self, wanted: np.ndarray, sent: np.ndarray) -> None:
+        """Record the requested targets, and which of them the guard changed."""
+        declared = BY_NAME["action"]
+        topic = Topic(f"/requested{declared.topic}", declared.message)
+        names = [joint.name for joint in self._bundle.robot.joints]
+        now = self._transport.clock()
+        self._record(topic, messages.joint_trajectory(now, names, wanted, self._period), now)
+        changed = np.flatnonzero(np.abs(wanted - sent) > SAME)
+        if len(changed):
+            self.interventions += 1
+            self._say(", ".join(f"{names[row]} {wanted[row]:.4f} to {sent[row]:.4f}" for row in changed))
+
+    def _say(self, words: str) -> None:
+        if self._bag is not None:
+            self._bag.say(INTERVENTIONS, self._transport.clock(), words)
+
+    def _record(self, topic: Topic, message: bytes, time_ns: int) -> None:
+        if self._bag is not None:
+            self._bag.add(topic, time_ns, message)
+
+    def _poses(self) -> np.ndarray:
+        found = np.full((len(self._rows), 7), np.nan)
+        for name, stream in self.objects.items():
+            if (last := stream.last) is not None:
+                found[self._rows[name]] = last.value
+        return found
+
+    def _displacement(self) -> np.ndarray:
+        last = self.displacement.last
+        return np.full(len(self._bundle.displacement_names), np.nan) if last is None else np.array(last.value)
+
+    def _picture(self, camera: str, sample: Sample) -> Any:
+        return images.pixels(sample.value, self._topics.pictures[camera].name)

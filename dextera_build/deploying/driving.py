@@ -1,0 +1,148 @@
+"""Drives a robot by a policy: one observation and one command in each control period, until it is done or stopped."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from dextera_build.deploying.bag import VERDICTS, Bag
+from dextera_build.deploying.cell import RosCell, Sleep
+from dextera_build.errors import DxbError
+from dextera_build.formats.ros.reading import SECOND
+from dextera_build.policy.added import AddedTerms
+from dextera_build.policy.observation import DeployableObservation, deployable
+
+DONE = "the task is done"
+LATE = "not done within {:g} s"
+
+
+class Acting(Protocol):
+    """A policy."""
+
+    def reset(self) -> None:
+        """Clear state from the previous run."""
+
+    def act(self, observation: DeployableObservation) -> np.ndarray:
+        """Joint targets (A,) [rad or m]."""
+
+
+@dataclass
+class Drive:
+    """What happened in a run."""
+
+    reason: str = ""
+    """Why it ended."""
+    faulty: bool = False
+    """Whether it was stopped: by the guard, a fault of the policy or the operator."""
+    success: bool | None = None
+    """Whether the measurements show success; None: objects are not measured."""
+    steps: int = 0
+    """Number of control periods."""
+    missed: int = 0
+    """Number of control periods whose command was sent late, by more than half a period."""
+    interventions: int = 0
+    """Number of control periods in which the guard changed targets."""
+    delays_s: list[float] = field(default_factory=list)
+    """See `RosCell.delays_s`."""
+
+    def facts(self) -> dict[str, Any]:
+        """As plain data, with times in milliseconds."""
+        delays = 1000 * np.array(self.delays_s or [np.nan])
+        return {
+            "reason": self.reason,
+            "success": self.success,
+            "steps": self.steps,
+            "missed_periods": self.missed,
+            "interventions": self.interventions,
+            "delay_ms_p50": None if not self.delays_s else round(float(np.quantile(delays, 0.5)), 2),
+            "delay_ms_p99": None if not self.delays_s else round(float(np.quantile(delays, 0.99)), 2),
+        }
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Time of a run."""
+
+    now: Callable[[], int] = time.time_ns
+    """The time [ns]."""
+    sleep: Sleep = time.sleep
+    """Waits [s]."""
+
+
+def drive(
+    cell: RosCell,
+    policy: Acting,
+    goal: np.ndarray,
+    *,
+    rate_hz: float,
+    limit_s: float,
+    added: AddedTerms | None = None,
+    clock: Clock = Clock(),
+    halt: threading.Event | None = None,
+) -> Drive:
+    """Run a policy until the measurements show success, the time is over, or something is wrong.
+
+    Args:
+        cell: The robot.
+        policy: Receives only deployable observations.
+        goal: Goal (G,).
+        rate_hz: Control rate [Hz].
+        limit_s: Time limit [s].
+        added: Terms that do not come with dxb.
+        clock: Time.
+        halt: Set by the operator to stop.
+    """
+    ran = Drive()
+    try:
+        # The first answer may take seconds, in which libraries are loaded; it is not carried out.
+        policy.reset()
+        policy.act(deployable(cell.begin(), cell.previous_action, goal, added))
+        policy.reset()
+        measured = cell.begin()
+        cell.tell("running")
+        ran.success = False if cell.judges else None
+        due, period = clock.now(), round(SECOND / rate_hz)
+        while True:
+            if halt is not None and halt.is_set():
+                raise cell.stop("the operator stopped it")
+            cell.send(policy.act(deployable(measured, cell.previous_action, goal, added)))
+            ran.steps += 1
+            # Commands that follow closely would exceed the speed limits, so that time is not made up.
+            late = clock.now() - due > period // 2
+            ran.missed += late
+            due = _next(clock, (clock.now() if late else due) + period)
+            measured = cell.measure()
+            if cell.judges:
+                ran.success = cell.mirror.judge(measured, ran.steps / rate_hz)
+            if ran.success or ran.steps >= limit_s * rate_hz:
+                ran.reason = DONE if ran.success else LATE.format(limit_s)
+                break
+    except DxbError as fault:
+        ran.reason, ran.faulty = fault.message, True
+    except KeyboardInterrupt:
+        ran.reason, ran.faulty = cell.stop("the operator stopped it").message, True
+    except Exception as error:
+        cell.tell(f"stopped: {type(error).__name__}: {error}")
+        raise
+    ran.interventions, ran.delays_s = cell.interventions, cell.delays_s
+    cell.tell(f"stopped: {ran.reason}")
+    return ran
+
+
+def verdict(bag: Bag, now: int, measured: bool | None, operator: bool | None) -> None:
+    """Record success by the measurements and by the operator; both are kept."""
+    words = {True: "success", False: "failure", None: "not judged"}
+    bag.say(VERDICTS, now, f"measured: {words[measured]}; operator: {words[operator]}")
+
+
+def _next(clock: Clock, due: int) -> int:
+    """Wait until a time [ns], and return it."""
+    left = due - clock.now()
+    if left > 0:
+        clock.sleep(left / SECOND)
+    return due

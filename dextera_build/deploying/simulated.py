@@ -1,0 +1,242 @@
+"""A simulated world behind the topics of a robot: joint states, pictures, poses of objects, commands, and faults.
+
+It stands for a robot where there is none. Its encoders, clock and network are those of a program; what only hardware
+does, such as a brake, a protective stop or a loose cable, it does not do.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, Literal, get_args
+
+import mujoco
+import numpy as np
+
+from dextera_build.deploying import wire
+from dextera_build.deploying.topics import STATUS, Commanded, Topics
+from dextera_build.deploying.transport import Quality, Topic, Transport
+from dextera_build.formats.ros import hashes, messages
+from dextera_build.formats.ros.reading import SECOND
+from dextera_build.formats.ros.recording import packed
+from dextera_build.policy.layout import of_bundle
+from dextera_build.sim.model.compose import ROBOT
+from dextera_build.sim.runtime.environment import Environment
+
+STATE_HZ = 100.0
+"""Joint states per second [Hz]."""
+STOPPED = "stopped"
+"""First word of the status after which no command may come."""
+FaultKind = Literal[
+    "joint_states_stop", "pictures_stop", "poses_stop", "stamps_jump", "stamps_back", "nan", "joint_missing",
+    "joint_renamed", "cut",
+]  # fmt: skip
+FAULTS: tuple[FaultKind, ...] = get_args(FaultKind)
+JUMP_NS = 3 * SECOND
+"""Jump of the stamps in faults `stamps_jump` and `stamps_back` [ns]."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Something that goes wrong."""
+
+    kind: FaultKind
+    """What."""
+    at_s: float
+    """When it begins, after the first command [s]."""
+    for_s: float = float("inf")
+    """How long it lasts [s]."""
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """Properties of the simulated robot's sensors and network."""
+
+    picture_hz: float = 15.0
+    """Pictures and poses of objects per second [Hz]."""
+    delay_s: float = 0.0
+    """Delay of commands [s]."""
+    loss: float = 0.02
+    """Fraction of pictures and poses that are lost, 0..1."""
+    clock_s: float = 0.0
+    """Time by which the clock of the stamps is ahead [s]."""
+    faults: tuple[Fault, ...] = ()
+    """Things that go wrong."""
+    seed: int = 0
+    """Seed of losses."""
+
+
+@dataclass
+class Heard:
+    """What the robot received."""
+
+    commands: int = 0
+    """Number of commands."""
+    after_stop: int = 0
+    """Number of commands after the run said that it stopped."""
+    unusable: list[str] = field(default_factory=list)
+    """Why commands were refused."""
+    status: list[str] = field(default_factory=list)
+    """What the run said."""
+
+
+class SimulatedRobot:
+    """Advances a world by 10 ms at a time, with the messages that belong to it.
+
+    Args:
+        transport: Carries the messages.
+        topics: Topics of the robot.
+        environment: The world, in which an episode was begun.
+        simulation: Sensors and network.
+        look: Gives the picture (H, W, 3) uint8 of the current state; None: there is no camera.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        topics: Topics,
+        environment: Environment,
+        simulation: Simulation = Simulation(),
+        look: Callable[[], np.ndarray] | None = None,
+    ) -> None:
+        self._transport, self._topics, self.environment = transport, topics, environment
+        self._simulation, self._look = simulation, look
+        robot = environment.bundle.robot
+        self._names = [joint.name for joint in robot.joints]
+        self._joints = wire.Joints(self._names, topics)
+        self._inner = wire.Joints(environment.bundle.displacement_names, topics)
+        self._actuators = np.array([environment.model.actuator(ROBOT + name).id for name in self._names])
+        self._steps = max(1, round(1.0 / STATE_HZ / environment.model.opt.timestep))
+        self._every = max(1, round(STATE_HZ / environment.task.control_hz))
+        self._pictures = max(1, round(STATE_HZ / simulation.picture_hz))
+        self._random = np.random.default_rng(simulation.seed)
+        self._from, self._to = environment.previous_action.copy(), environment.previous_action.copy()
+        self._left, self._span = np.zeros(len(self._names)), np.ones(len(self._names))
+        self._waiting: deque[tuple[int, dict[str, float], float]] = deque()
+        self._ticks, self._moving_since = 0, -1
+        self.heard = Heard()
+        self.success = False
+        """Whether the true state shows that the task is done."""
+        for controller in topics.controllers:
+            transport.subscribe(controller.topic, partial(self._commanded, controller))
+        transport.subscribe(STATUS, self._told)
+
+    def tick(self) -> None:
+        """Advance by 10 ms, and publish what is due."""
+        environment = self.environment
+        self._obey()
+        environment.data.ctrl[self._actuators] = self._setpoint()
+        mujoco.mj_step(environment.model, environment.data, self._steps)
+        self._ticks += 1
+        if self._ticks % self._every == 0:
+            mujoco.mj_forward(environment.model, environment.data)
+            self.success = self.success or environment.conclude(self._to.copy()).success
+        if self._faulty("cut"):
+            return
+        stamp = self._stamp()
+        if not self._faulty("joint_states_stop"):
+            self._transport.publish(_offered(self._topics.joints), self._state(stamp))
+        if self._ticks % self._pictures == 0 and self._random.uniform() >= self._simulation.loss:
+            mujoco.mj_forward(environment.model, environment.data)
+            self._see(stamp)
+
+    def _stamp(self) -> int:
+        stamp = self._transport.clock() + round(self._simulation.clock_s * SECOND)
+        stamp += JUMP_NS if self._faulty("stamps_jump") else 0
+        return stamp - (JUMP_NS if self._faulty("stamps_back") else 0)
+
+    def _state(self, stamp: int) -> bytes:
+        positions = self.environment.measure().joints
+        if self._faulty("nan"):
+            positions[0] = np.nan
+        whole = self._joints.state(stamp, positions)
+        if not (self._faulty("joint_missing") or self._faulty("joint_renamed")):
+            return whole
+        read = hashes.read(self._topics.joints.kind, whole)
+        first = 1 if self._faulty("joint_missing") else 0
+        names = [*read.name[first:]]
+        if self._faulty("joint_renamed"):
+            names[0] += "_2"
+        return messages.joint_state(stamp, names, read.position[first:])
+
+    def _see(self, stamp: int) -> None:
+        bundle, seen = self.environment.bundle, self.environment.measure()
+        if not self._faulty("poses_stop"):
+            placed = dict(zip(bundle.objects, seen.objects, strict=True))
+            tracked = wire.poses(stamp, self._topics.names.base, placed)
+            self._transport.publish(_offered(self._topics.objects), tracked)
+            if len(seen.displacement):
+                inner = self._inner.state(stamp, seen.displacement)
+                self._transport.publish(_offered(self._topics.displacement), inner)
+        if self._look is None or self._faulty("pictures_stop"):
+            return
+        picture = packed(self._look(), "jpeg")
+        for camera, topic in self._topics.pictures.items():
+            self._transport.publish(topic, messages.compressed_image(stamp, camera, "jpeg", picture))
+
+    def _commanded(self, controller: Commanded, message: bytes, arrived: int) -> None:
+        if self._faulty("cut"):
+            return
+        try:
+            targets, reach_s = self._joints.commanded(controller, message)
+        except wire.UnusableError as error:
+            self.heard.unusable.append(str(error))
+            return
+        self.heard.commands += 1
+        self.heard.after_stop += bool(self.heard.status) and self.heard.status[-1].startswith(STOPPED)
+        if self._moving_since < 0:
+            self._moving_since = self._ticks
+        self._waiting.append((arrived + round(self._simulation.delay_s * SECOND), targets, reach_s))
+
+    def _told(self, message: bytes, arrived: int) -> None:
+        self.heard.status.append(hashes.read(STATUS.kind, message).data)
+
+    def _obey(self) -> None:
+        """Take the commands whose delay is over; a joint moves linearly from where its target is."""
+        now = self._transport.clock()
+        while self._waiting and self._waiting[0][0] <= now:
+            _, targets, reach_s = self._waiting.popleft()
+            rows = [self._names.index(name) for name in targets]
+            self._from[rows], self._to[rows] = self._placed_now()[rows], list(targets.values())
+            ticks = max(1.0, reach_s * STATE_HZ)
+            self._left[rows], self._span[rows] = ticks, ticks
+
+    def _placed_now(self) -> np.ndarray:
+        done = 1.0 - self._left / self._span
+        return np.asarray(self._from + (self._to - self._from) * done)
+
+    def _setpoint(self) -> np.ndarray:
+        self._left = np.maximum(self._left - 1.0, 0.0)
+        return self._placed_now()
+
+    def _faulty(self, kind: FaultKind) -> bool:
+        if self._moving_since < 0:
+            return False
+        moving = (self._ticks - self._moving_since) / STATE_HZ
+        return any(
+            each.kind == kind and each.at_s <= moving < each.at_s + each.for_s for each in self._simulation.faults
+        )
+
+
+def _offered(topic: Topic) -> Topic:
+    """A topic as a robot offers it: joint states and transforms are reliable."""
+    return Topic(topic.name, topic.kind, Quality())
+
+
+def facts(robot: SimulatedRobot) -> dict[str, Any]:
+    """What happened to a simulated robot, as plain data."""
+    heard = robot.heard
+    layout = of_bundle(robot.environment.bundle)
+    places = robot.environment.measure().joints.tolist()
+    return {
+        "task": layout.task,
+        "world": layout.world,
+        "commands": heard.commands,
+        "commands_after_stop": heard.after_stop,
+        "unusable": heard.unusable[:5],
+        "status": heard.status[-5:],
+        "joints": dict(zip(layout.joints, places, strict=True)),
+        "success": robot.success,
+    }

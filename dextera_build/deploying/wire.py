@@ -1,0 +1,124 @@
+"""Measurements and commands of a robot as messages: joints by name and sign, poses by frame, pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from dextera_build.deploying.topics import Commanded, Topics
+from dextera_build.errors import listing
+from dextera_build.formats.ros import hashes, messages
+from dextera_build.formats.ros.reading import SECOND
+
+JOINT_STATE = "sensor_msgs/JointState"
+
+
+class UnusableError(ValueError):
+    """A message that holds no measurement; the text says why."""
+
+
+def unpacked(kind: str, message: bytes) -> Any:
+    """The fields of a message.
+
+    Raises:
+        UnusableError: It is damaged.
+    """
+    try:
+        return hashes.read(kind, message)
+    except ValueError as error:
+        raise UnusableError(str(error)) from None
+
+
+def stamp_of(header: Any) -> int:
+    """The stamp of a message [ns]."""
+    return int(header.stamp.sec * SECOND + header.stamp.nanosec)
+
+
+class Joints:
+    """Positions of named joints from joint states, and back.
+
+    Args:
+        joints: Joints of the model, in order.
+        topics: Topics with the names in messages.
+    """
+
+    def __init__(self, joints: Sequence[str], topics: Topics) -> None:
+        names = topics.names
+        self._joints = tuple(joints)
+        self._named = tuple(names.joints.get(joint, joint) for joint in joints)
+        self._sign = np.array([-1.0 if joint in names.flipped else 1.0 for joint in joints])
+
+    def positions(self, state: Any) -> np.ndarray:
+        """Positions (A,) [rad or m] in an unpacked joint state.
+
+        Raises:
+            UnusableError: A joint is missing, or its position is not a finite number.
+        """
+        found = dict(zip(state.name, state.position, strict=False))
+        missing = [name for name in self._named if name not in found]
+        if missing:
+            raise UnusableError(f"it lacks {listing(missing)}; it has {listing(state.name, most=40) or 'no joint'}")
+        positions = np.array([found[name] for name in self._named], np.float64)
+        bad = [name for name, value in zip(self._named, positions, strict=True) if not np.isfinite(value)]
+        if bad:
+            raise UnusableError(f"the position of {listing(bad)} is not a finite number")
+        return np.asarray(positions * self._sign)
+
+    def state(self, stamp: int, positions: np.ndarray) -> bytes:
+        """A joint state of positions (A,) [rad or m]."""
+        return messages.joint_state(stamp, self._named, positions * self._sign)
+
+    def command(self, stamp: int, controller: Commanded, targets: np.ndarray, reach: int) -> bytes:
+        """The command of one controller, from targets (A,) of all joints, to be reached after `reach` ns."""
+        rows = [self._joints.index(joint) for joint in controller.joints]
+        names, values = [self._named[row] for row in rows], (targets * self._sign)[rows]
+        if controller.topic.kind == "std_msgs/Float64MultiArray":
+            return messages.numbers(names, values)
+        return messages.joint_trajectory(stamp, names, values, reach)
+
+    def commanded(self, controller: Commanded, message: bytes) -> tuple[dict[str, float], float]:
+        """Joint of the model -> target [rad or m], and the time until it is reached [s].
+
+        Raises:
+            UnusableError: The message is damaged, or its joints are not those of the controller.
+        """
+        read = unpacked(controller.topic.kind, message)
+        named = {self._named[self._joints.index(joint)]: joint for joint in controller.joints}
+        if controller.topic.kind == "std_msgs/Float64MultiArray":
+            names, values, reach = list(named), read.data, 0.0
+        else:
+            point = read.points[-1]
+            names, values = read.joint_names, point.positions
+            reach = float(point.time_from_start.sec + point.time_from_start.nanosec / SECOND)
+        if sorted(names) != sorted(named) or len(values) != len(named):
+            raise UnusableError(f"its joints are {listing(names)}, those of the controller {listing(named)}")
+        places = dict(zip(names, values, strict=True))
+        signs = dict(zip(self._joints, self._sign, strict=True))
+        return {joint: float(places[name] * signs[joint]) for name, joint in named.items()}, reach
+
+
+def poses(stamp: int, base: str, placed: Mapping[str, np.ndarray]) -> bytes:
+    """Transforms of poses (7,) of objects in the frame `base`: position [m], quaternion w x y z."""
+    return messages.transforms(stamp, [(base, name, pose) for name, pose in placed.items()])
+
+
+def placed(message: Any, base: str) -> dict[str, tuple[int, np.ndarray]]:
+    """Child -> stamp [ns] and pose (7,) with w >= 0 of the transforms from frame `base` in an unpacked `TFMessage`.
+
+    Raises:
+        UnusableError: A pose is not finite, or its rotation is none.
+    """
+    found = {}
+    for each in message.transforms:
+        if each.header.frame_id.lstrip("/") != base:
+            continue
+        at, turn = each.transform.translation, each.transform.rotation
+        pose = np.array([at.x, at.y, at.z, turn.w, turn.x, turn.y, turn.z])
+        length = float(np.linalg.norm(pose[3:]))
+        if not np.isfinite(pose).all() or abs(length - 1.0) > 1e-3:
+            raise UnusableError(f"the pose of `{each.child_frame_id}` is not finite, or its rotation is none")
+        pose[3:] *= (1.0 if pose[3] >= 0 else -1.0) / length
+        found[each.child_frame_id.lstrip("/")] = stamp_of(each.header), pose
+    return found

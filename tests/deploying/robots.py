@@ -1,0 +1,94 @@
+"""Simulated robots on a bus in one thread and in virtual time, so that every run is the same."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from dextera_build.artifacts.robots.ros_names import RosNames
+from dextera_build.deploying import topics as tables
+from dextera_build.deploying.bag import Bag
+from dextera_build.deploying.cell import RosCell, Safety
+from dextera_build.deploying.driving import Acting, Clock, Drive, drive
+from dextera_build.deploying.loopback import Bus, Loopback
+from dextera_build.deploying.simulated import SimulatedRobot, Simulation
+from dextera_build.policy.observation import DeployableObservation
+from dextera_build.sim.runtime.environment import Environment
+from tests import task_bundles
+
+TICK_NS = 10_000_000
+NEEDED = ("objects", "displacement")
+
+
+@dataclass
+class Line:
+    """Moves towards fixed targets; after some steps it does something else."""
+
+    targets: np.ndarray
+    after: int = 10**9
+    then: Callable[[], np.ndarray] | None = None
+    seen: list[DeployableObservation] = field(default_factory=list)
+
+    def reset(self) -> None:
+        self.seen.clear()
+
+    def act(self, observation: DeployableObservation) -> np.ndarray:
+        self.seen.append(observation)
+        if self.then is not None and len(self.seen) > self.after:
+            return self.then()
+        return self.targets
+
+
+class Rig:
+    """A robot, its world, and a cell that is connected to it.
+
+    Args:
+        names: Names in ROS 2.
+        simulation: The robot's sensors and faults.
+        camera: What the camera shows; None: there is none.
+        cell_names: Names that the cell believes.
+    """
+
+    def __init__(
+        self,
+        names: RosNames | None = None,
+        simulation: Simulation | None = None,
+        *,
+        camera: np.ndarray | None = None,
+        needed: tuple[str, ...] = NEEDED,
+        safety: Safety | None = None,
+        cell_names: RosNames | None = None,
+        out: Any = None,
+    ) -> None:
+        self.bundle = task_bundles.lift()
+        self.time = 1_000 * 1_000_000_000
+        self.bus = Bus(now=lambda: self.time)
+        cameras = () if camera is None else ("workspace",)
+        topics = tables.of_robot(self.bundle.robot, names or RosNames(), cameras)
+        look = None if camera is None else lambda: camera
+        self.robot = SimulatedRobot(
+            Loopback(self.bus), topics, Environment(self.bundle), simulation or Simulation(), look
+        )
+        self.file = io.BytesIO() if out is None else out
+        self.bag = Bag(self.file)
+        believed = topics if cell_names is None else tables.of_robot(self.bundle.robot, cell_names, cameras)
+        self.transport = Loopback(self.bus)
+        self.cell = RosCell(
+            self.transport, believed, self.bundle, needed, safety or Safety(), self.bag, sleep=self.sleep
+        )
+
+    def sleep(self, seconds: float) -> None:
+        """Let time pass, for the robot too."""
+        for _ in range(max(1, round(seconds * 1e9) // TICK_NS)):
+            self.time += TICK_NS
+            self.robot.tick()
+
+    def drive(self, policy: Acting, limit_s: float = 2.0) -> Drive:
+        """Run a policy."""
+        goal = self.robot.environment.goal
+        clock = Clock(lambda: self.time, self.sleep)
+        return drive(self.cell, policy, goal, rate_hz=20.0, limit_s=limit_s, clock=clock)

@@ -1,0 +1,165 @@
+"""A robot behind messages is measured and moved as the simulator is, within the limits of its guard."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rosbags", reason="needs rosbags (extra `ros`)")
+
+from dextera_build.artifacts.robots.ros_names import Controller, RosNames
+from dextera_build.deploying import topics as tables
+from dextera_build.deploying.bag import INTERVENTIONS
+from dextera_build.deploying.simulated import Simulation
+from dextera_build.errors import RuleError
+from dextera_build.formats.ros import reading
+from tests import task_bundles
+from tests.deploying.robots import Line, Rig
+
+TARGETS = np.array([0.03, -0.02, 0.05, 0.04, 0.04])
+
+
+def test_what_is_measured_is_the_state_of_the_world() -> None:
+    rig = Rig()
+    measured = rig.cell.begin()
+    truth = rig.robot.environment.measure()
+    assert measured.joints == pytest.approx(truth.joints, abs=1e-4)
+    assert measured.objects == pytest.approx(truth.objects, abs=1e-3)
+    assert measured.displacement == pytest.approx(truth.displacement, abs=1e-3)
+
+
+def test_the_robot_goes_where_the_policy_wants() -> None:
+    rig = Rig()
+    ran = rig.drive(Line(TARGETS), limit_s=3.0)
+    assert (ran.faulty, ran.success, ran.steps) == (False, False, 60)
+    assert rig.robot.environment.measure().joints == pytest.approx(TARGETS, abs=3e-3)
+    assert rig.robot.heard.commands == 60
+    assert rig.robot.heard.after_stop == 0
+    assert rig.robot.heard.status[-1].startswith("stopped: not done within 3 s")
+
+
+NAMED = RosNames(
+    joint_states="/arm/joint_states",
+    joints={"x": "rail_1", "left": "finger_1"},
+    flipped=("y",),
+    controllers=(
+        Controller(topic="/arm/commands", kind="forward", joints=("z", "x", "y")),
+        Controller(topic="/hand/trajectory", joints=("left", "right")),
+    ),
+    base="base_link",
+)
+
+
+def test_names_signs_and_controllers_are_those_of_the_robot() -> None:
+    rig = Rig(NAMED)
+    rig.drive(Line(TARGETS), limit_s=3.0)
+    assert rig.robot.environment.measure().joints == pytest.approx(TARGETS, abs=3e-3)
+    assert {each.topic for each in rig.transport.others() if each.writes} >= {"/arm/joint_states", "/tf"}
+
+
+def test_a_sign_that_is_not_declared_moves_the_wrong_way() -> None:
+    rig = Rig(RosNames(flipped=("y",)), cell_names=RosNames())
+    rig.drive(Line(TARGETS), limit_s=3.0)
+    assert rig.robot.environment.measure().joints[1] == pytest.approx(-TARGETS[1], abs=3e-3)
+
+
+@pytest.mark.parametrize(
+    ("names", "why"),
+    [
+        (RosNames(joints={"elbow": "e"}), "elbow are no joints of this robot"),
+        (RosNames(controllers=(Controller(topic="/a", joints=("x", "y")),)), "left, right, z belong to no controller"),
+        (
+            RosNames(controllers=(Controller(topic="/a"), Controller(topic="/b", joints=("x",)))),
+            "x belong to several controllers",
+        ),
+    ],
+)
+def test_names_that_do_not_fit_the_robot_are_refused(names: RosNames, why: str) -> None:
+    with pytest.raises(RuleError, match="do not fit the robot") as caught:
+        tables.of_robot(task_bundles.robot(), names)
+    assert why in caught.value.message
+
+
+def test_the_guard_is_on_from_the_beginning_and_ramps_in() -> None:
+    rig = Rig()
+    sent: list[np.ndarray] = []
+    rig.cell.begin()
+    first = rig.cell.previous_action
+    far = np.array([0.6, 0.6, 0.4, 0.0, 0.0])
+    for _ in range(40):
+        sent.append(rig.cell.send(far))
+        rig.sleep(0.05)
+        rig.cell.measure()
+    steps = np.abs(np.diff(np.array([first, *sent]), axis=0)).max(axis=1)
+    speeds = np.array([joint.velocity for joint in task_bundles.robot().joints])
+    assert steps[0] <= 0.5 * speeds.max() / 20 / 30 + 1e-9
+    assert (np.diff(steps[:20]) > 0).all()
+    assert (np.abs(np.diff(np.array(sent), axis=0)) <= 0.5 * speeds / 20 + 1e-9).all()
+    assert rig.cell.interventions == 40
+
+
+def test_pictures_come_with_the_joint_state_of_their_time() -> None:
+    camera = np.full((48, 64, 3), 90, np.uint8)
+    rig = Rig(camera=camera, needed=("rgb",))
+    policy = Line(TARGETS)
+    rig.drive(policy)
+    picture = policy.seen[-1].rgb
+    assert picture is not None
+    assert picture.shape == camera.shape
+    assert int(np.abs(picture.astype(int) - camera).max()) <= 2
+    assert rig.cell.pictures["workspace"].last is not None
+
+
+@pytest.mark.parametrize("ahead_s", [-5.0, 5.0])
+def test_a_clock_that_is_off_does_not_matter(ahead_s: float) -> None:
+    rig = Rig(simulation=Simulation(clock_s=ahead_s))
+    ran = rig.drive(Line(TARGETS))
+    assert not ran.faulty, ran.reason
+    assert rig.cell.state.offset_s == pytest.approx(-ahead_s, abs=1e-6)
+    assert max(ran.delays_s) < 0.02
+
+
+def test_what_was_not_measured_is_not_made_up() -> None:
+    rig = Rig(needed=())
+    rig.robot.heard.status.clear()
+    measured = rig.cell.begin()
+    rig.cell.objects["box"]._samples.clear()
+    assert np.isnan(rig.cell.measure().objects[0]).all()
+    assert np.isfinite(measured.joints).all()
+
+
+def test_every_message_is_in_the_recording() -> None:
+    rig = Rig()
+    ran = rig.drive(Line(np.array([0.6, 0.0, 0.0, 0.05, 0.05])), limit_s=1.0)
+    kept = io.BytesIO()
+    rig.bag._out = io.BytesIO()
+    rig.bag.close({"dxb": "1", "policy": "line"})
+    kept.write(rig.file.getvalue())
+    kept.seek(0)
+    found, _, _ = reading.index(kept, "run.mcap")
+    kept.seek(0)
+    counts = {each.topic: each.count for each in found}
+    assert counts["/joint_trajectory"] == counts["/requested/joint_trajectory"] == ran.steps == 20
+    assert counts["/joint_states"] == rig.cell.state.count
+    assert counts[INTERVENTIONS.name] == ran.interventions > 0
+    texts = [message.data for _, _, message in reading.messages(kept, "run.mcap", [INTERVENTIONS.name])]
+    assert texts[0].startswith("x 0.6000 to 0.0")
+    kept.seek(0)
+    states = list(reading.messages(kept, "run.mcap", ["/joint_states"]))
+    assert list(states[0][2].name) == list(task_bundles.JOINTS)
+
+
+def test_a_recording_that_cannot_be_written_stops_the_run() -> None:
+    class Full(io.BytesIO):
+        def write(self, data: object) -> int:
+            if self.tell() > 50_000:
+                raise OSError(28, "No space left on device")
+            return super().write(data)  # type: ignore[arg-type]
+
+    rig = Rig(out=Full())
+    ran = rig.drive(Line(TARGETS), limit_s=20.0)
+    assert ran.faulty
+    assert "No space left on device" in ran.reason
+    assert rig.robot.heard.after_stop == 0

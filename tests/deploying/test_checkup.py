@@ -1,0 +1,81 @@
+"""Each thing that would go wrong is found before the robot moves, with what mends it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rosbags", reason="needs rosbags (extra `ros`)")
+
+from dextera_build.artifacts.robots.ros_names import Controller, RosNames
+from dextera_build.deploying import topics as tables
+from dextera_build.deploying.checkup import Check, checkup
+from dextera_build.deploying.simulated import Simulation
+from dextera_build.deploying.transport import Quality, Topic
+from dextera_build.formats.ros import messages
+from tests.deploying.robots import Rig
+
+
+def failed(rig: Rig, names: RosNames | None = None) -> dict[str, Check]:
+    """Checks that fail."""
+    topics = tables.of_robot(rig.bundle.robot, names or RosNames())
+    checks = checkup(rig.transport, topics, rig.cell, rig.bundle.robot, rig.sleep, listen_s=1.0)
+    assert len(checks) > 3
+    return {each.what: each for each in checks if not each.ok}
+
+
+def test_a_robot_that_is_ready_has_no_failed_check() -> None:
+    assert failed(Rig()) == {}
+
+
+def test_topics_of_other_names_are_told_with_those_that_exist() -> None:
+    rig = Rig(RosNames(joint_states="/arm/states", controllers=(Controller(topic="/arm/go"),)), cell_names=RosNames())
+    found = failed(rig)
+    assert "`/arm/states`" in found["/joint_states is published"].mend
+    assert found["/joint_states arrives"].found == "no message"
+    assert "`/arm/go`" in found["/joint_trajectory has a controller"].mend
+
+
+def test_a_controller_of_another_type_is_found() -> None:
+    there = RosNames(controllers=(Controller(topic="/go", kind="forward"),))
+    here = RosNames(controllers=(Controller(topic="/go"),))
+    found = failed(Rig(there, cell_names=here), here)
+    assert found["/go type"].found == "std_msgs/Float64MultiArray"
+
+
+def test_a_controller_that_asks_for_more_is_found() -> None:
+    rig = Rig()
+    late = Topic("/late", "trajectory_msgs/JointTrajectory", Quality(keeps=True))
+    rig.robot._transport.subscribe(late, lambda message, at: None)
+    found = failed(rig, RosNames(controllers=(Controller(topic="/late"),)))
+    assert found["/late quality"].found == "offered reliable, requested reliable, transient local"
+
+
+def test_a_joint_of_another_name_is_found() -> None:
+    rig = Rig(RosNames(joints={"x": "rail"}), cell_names=RosNames())
+    found = failed(rig)
+    assert "it lacks x; it has left, rail, right, y, z" in found["/joint_states arrives"].found
+    assert "simulate.ros_names" in found["/joint_states arrives"].mend
+
+
+def test_a_joint_that_is_mirrored_is_found() -> None:
+    rig = Rig(RosNames(flipped=("left",)), cell_names=RosNames())
+    found = failed(rig)
+    assert "flipped: [left]" in found["joint left"].mend
+
+
+def test_slow_joint_states_are_found() -> None:
+    rig = Rig()
+    topic = Topic("/joint_states", "sensor_msgs/JointState")
+    names = [joint.name for joint in rig.bundle.robot.joints]
+    rig.robot.tick = lambda: None  # type: ignore[method-assign]
+    for _ in range(10):
+        rig.robot._transport.publish(topic, messages.joint_state(rig.time, names, np.full(5, 0.05)))
+        rig.sleep(0.05)
+    assert failed(rig)["rate of joint states"].found == "20.0 Hz"
+
+
+def test_the_offset_of_the_clock_is_told_and_no_failure() -> None:
+    rig = Rig(simulation=Simulation(clock_s=1.5))
+    assert failed(rig) == {}
+    assert rig.cell.state.offset_s == pytest.approx(-1.5)

@@ -1,0 +1,141 @@
+"""Whatever goes wrong, the robot holds, the reason is told, and no command comes after the stop."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rosbags", reason="needs rosbags (extra `ros`)")
+
+from dextera_build.deploying.simulated import FAULTS, Fault, FaultKind, Simulation
+from dextera_build.policy.running import PolicyFault
+from tests.deploying.robots import Line, Rig
+
+TARGETS = np.array([0.1, -0.05, 0.05, 0.04, 0.04])
+WHY: dict[FaultKind, str] = {
+    "joint_states_stop": "no joint states arrived for more than 0.1 s",
+    "pictures_stop": "no frame arrived for more than 0.5 s",
+    "poses_stop": "no frame arrived for more than 0.5 s",
+    "stamps_jump": "the stamps of `/joint_states` jumped by +3.00 s",
+    "stamps_back": "the stamps of `/joint_states` jumped by -3.00 s",
+    "nan": "a message of `/joint_states` cannot be used: the position of x is not a finite number",
+    "joint_missing": "a message of `/joint_states` cannot be used: it lacks x; it has left, right, y, z",
+    "joint_renamed": "a message of `/joint_states` cannot be used: it lacks x; it has left, right, x_2, y, z",
+    "cut": "no joint states arrived for more than 0.1 s",
+}
+
+
+def held(rig: Rig) -> None:
+    """Assert that the robot moves no more, and that it was told why."""
+    rig.sleep(0.3)
+    place = rig.robot.environment.measure().joints
+    heard = rig.robot.heard.commands
+    rig.sleep(1.0)
+    assert rig.robot.environment.measure().joints == pytest.approx(place, abs=2e-3)
+    assert rig.robot.heard.commands == heard
+    assert rig.robot.heard.after_stop == 0
+
+
+@pytest.mark.parametrize("kind", FAULTS)
+def test_a_fault_of_the_robot_ends_held_and_explained(kind: FaultKind) -> None:
+    camera = np.full((24, 32, 3), 90, np.uint8)
+    simulation = Simulation(faults=(Fault(kind, at_s=0.5),))
+    rig = Rig(simulation=simulation, camera=camera, needed=("objects", "displacement", "rgb"))
+    ran = rig.drive(Line(TARGETS))
+    assert ran.faulty
+    assert ran.reason == f"the guard stopped the robot: {WHY[kind]}"
+    assert 10 <= ran.steps <= 25
+    held(rig)
+    if kind != "cut":
+        assert rig.robot.heard.status[-1] == f"stopped: {ran.reason}"
+
+
+@pytest.mark.parametrize("for_s", [0.2, 2.0])
+def test_a_network_that_returns_moves_nothing(for_s: float) -> None:
+    rig = Rig(simulation=Simulation(faults=(Fault("cut", 0.5, for_s),)))
+    ran = rig.drive(Line(TARGETS))
+    assert ran.reason.endswith("no joint states arrived for more than 0.1 s")
+    rig.sleep(for_s)
+    with pytest.raises(PolicyFault):
+        rig.cell.send(TARGETS)
+    held(rig)
+
+
+def test_a_short_cut_passes() -> None:
+    rig = Rig(simulation=Simulation(faults=(Fault("cut", 0.5, 0.08),)))
+    assert not rig.drive(Line(TARGETS)).faulty
+
+
+def died() -> np.ndarray:
+    raise PolicyFault("the connection to the policy was lost", code="DXB-B541")
+
+
+@pytest.mark.parametrize(
+    ("then", "why"),
+    [
+        (died, "the connection to the policy was lost"),
+        (lambda: np.full(5, np.nan), "the guard stopped the robot: the target of left, right, x, y and z is not"),
+        (lambda: np.zeros(3), "the guard stopped the robot: 3 targets for 5 joints"),
+    ],
+)
+def test_a_policy_that_fails_ends_held_and_explained(then, why) -> None:
+    rig = Rig()
+    ran = rig.drive(Line(TARGETS, after=10, then=then))
+    assert ran.faulty
+    assert ran.steps == 10
+    assert ran.reason.startswith(why[:40])
+    held(rig)
+
+
+def test_a_robot_that_is_silent_from_the_beginning_is_not_moved() -> None:
+    rig = Rig()
+    rig.robot.tick = lambda: None  # type: ignore[method-assign]
+    ran = rig.drive(Line(TARGETS))
+    assert ran.reason.startswith("the guard stopped the robot: nothing arrived on /joint_states")
+    assert rig.robot.heard.commands == 0
+
+
+def test_a_slow_policy_neither_bursts_nor_acts_on_what_was_long_ago() -> None:
+    rig = Rig()
+    times: list[int] = []
+    publish = rig.transport.publish
+
+    def noted(topic, message):
+        times.append(rig.time) if topic.name == "/joint_trajectory" else None
+        publish(topic, message)
+
+    rig.transport.publish = noted  # type: ignore[method-assign]
+    slow = iter([0.3, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0, 0.7])
+
+    def answer() -> np.ndarray:
+        rig.sleep(seconds) if (seconds := next(slow)) else None
+        return TARGETS
+
+    ran = rig.drive(Line(TARGETS, after=5, then=answer))
+    assert ran.reason == "the guard stopped the robot: the policy answered after 0.70 s, later than 0.5 s"
+    assert ran.missed == 2
+    assert min(np.diff(times)) >= 50_000_000  # answers without delay, so that a whole period lies between them
+    held(rig)
+
+
+def test_the_operator_stops_it() -> None:
+    rig = Rig()
+
+    def pressed() -> np.ndarray:
+        raise KeyboardInterrupt
+
+    ran = rig.drive(Line(TARGETS, after=10, then=pressed))
+    assert ran.reason == "the guard stopped the robot: the operator stopped it"
+    held(rig)
+
+
+def test_an_error_in_a_policy_is_told_to_the_robot() -> None:
+    rig = Rig()
+
+    def broken() -> np.ndarray:
+        raise ZeroDivisionError("by zero")
+
+    with pytest.raises(ZeroDivisionError):
+        rig.drive(Line(TARGETS, after=10, then=broken))
+    assert rig.robot.heard.status[-1] == "stopped: ZeroDivisionError: by zero"
+    held(rig)

@@ -1,0 +1,54 @@
+"""Measurements are ordered by stamp; clocks that were set, and delays, are noticed."""
+
+from __future__ import annotations
+
+import pytest
+
+from dextera_build.deploying.stream import Sample, Stream
+
+MS = 1_000_000
+
+
+def stream(*pairs: tuple[int, int]) -> Stream:
+    """Measurements from (stamp, arrival) [ms]."""
+    made = Stream("/states")
+    for stamp, arrived in pairs:
+        made.add(Sample(stamp * MS, arrived * MS, stamp))
+    return made
+
+
+def test_offset_is_that_of_the_shortest_delay() -> None:
+    made = stream((0, 1030), (10, 1020), (20, 1050))
+    assert made.offset_s == pytest.approx(1.010)
+    assert made.late_s() == pytest.approx(0.020)
+    assert made.silent_s(1090 * MS) == pytest.approx(0.040)
+    assert made.rate_hz() == pytest.approx(100.0)
+
+
+def test_the_nearest_is_found_by_stamp() -> None:
+    made = stream((0, 5), (10, 15), (20, 25))
+    found = made.nearest(12 * MS)
+    assert found is not None
+    assert found.value == 10
+
+
+def test_a_measurement_that_comes_after_a_newer_one_is_left_out() -> None:
+    made = stream((0, 5), (20, 25), (10, 26))
+    assert made.last is not None
+    assert (made.last.value, made.stale, made.fault) == (20, 1, "")
+
+
+@pytest.mark.parametrize(("stamp", "told"), [(2010, "+2.00 s"), (-1990, "-2.00 s")])
+def test_a_clock_that_was_set_is_a_fault_for_good(stamp: int, told: str) -> None:
+    made = stream((0, 5), (stamp, 15), (20, 25))
+    assert made.fault == f"the stamps of `/states` jumped by {told}"
+
+
+def test_a_message_that_is_very_late_is_no_fault_of_its_own() -> None:
+    made = stream((0, 5), (10, 915))
+    assert made.fault == ""
+    assert made.late_s() == pytest.approx(0.9)
+    made.add(Sample(900 * MS, 915 * MS, None))
+    assert made.fault == ""
+    assert made.late_s() == pytest.approx(0.01)
+    assert stream().late_s() == float("inf")

@@ -1,0 +1,169 @@
+"""Messages arrive as they were sent, from this process and from a node of ROS 2."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dextera_build.deploying import loopback
+from dextera_build.deploying.topics import STATUS
+from dextera_build.deploying.transport import SENSOR, Endpoint, Quality, Topic, Transport
+from dextera_build.formats.ros import hashes, messages, types
+
+JOINTS = Topic("/joint_states", "sensor_msgs/JointState")
+PICTURES = Topic("/camera/image/compressed", "sensor_msgs/CompressedImage", SENSOR)
+DOMAIN = 20 + os.getpid() % 80
+"""Tests of several processes at the same time do not meet."""
+
+
+def until(condition: Callable[[], bool], seconds: float = 10.0) -> None:
+    """Wait until a condition holds."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "nothing came"
+        time.sleep(0.01)
+
+
+def pair(kind: str) -> tuple[Transport, Transport]:
+    if kind == "loopback":
+        bus = loopback.Bus()
+        return loopback.Loopback(bus), loopback.Loopback(bus)
+    pytest.importorskip("cyclonedds", reason="needs cyclonedds (extra `ros`)")
+    from dextera_build.deploying.dds import Dds
+
+    return Dds(domain=DOMAIN), Dds(domain=DOMAIN)
+
+
+@pytest.fixture(params=["loopback", "dds"])
+def both(request: pytest.FixtureRequest) -> Iterator[tuple[Transport, Transport]]:
+    """Two programs that can reach one another."""
+    made = pair(request.param)
+    yield made
+    for each in made:
+        each.close()
+
+
+def test_a_message_arrives_as_it_was_sent(both: tuple[Transport, Transport]) -> None:
+    sender, receiver = both
+    got: list[tuple[bytes, int]] = []
+    receiver.subscribe(JOINTS, lambda message, at: got.append((message, at)))
+    state = messages.joint_state(sender.clock(), ["a", "b"], np.array([0.5, -1.0]))
+    sender.publish(JOINTS, state)
+    until(lambda: len(got) > 0 or sender.publish(JOINTS, state) is not None)
+    message, arrived = got[0]
+    assert message[: len(state)] == state
+    assert abs(arrived - receiver.clock()) < 5e9
+    assert list(hashes.read(JOINTS.kind, message).position) == [0.5, -1.0]
+
+
+def test_a_large_picture_costs_a_copy(both: tuple[Transport, Transport]) -> None:
+    sender, receiver = both
+    got: list[bytes] = []
+    receiver.subscribe(PICTURES, lambda message, at: got.append(message))
+    picture = messages.compressed_image(1, "camera", "raw", os.urandom(640 * 480 * 3))
+    began = time.process_time()
+    until(lambda: sender.publish(PICTURES, picture) is not None or len(got) > 0)
+    assert got[0][: len(picture)] == picture
+    # Packed value by value it would take 100 ms; the threads of DDS count, too.
+    assert time.process_time() - began < 1.0
+
+
+def test_others_are_discovered_with_type_hash_and_quality(both: tuple[Transport, Transport]) -> None:
+    one, other = both
+    one.publish(JOINTS, messages.joint_state(1, ["a"], np.zeros(1)))
+    one.subscribe(PICTURES, lambda message, at: None)
+    wanted = {
+        Endpoint(JOINTS.name, JOINTS.kind, True, Quality(), hashes.type_hash(JOINTS.kind)),
+        Endpoint(PICTURES.name, PICTURES.kind, False, Quality(reliable=False), hashes.type_hash(PICTURES.kind)),
+    }
+
+    def found() -> set[Endpoint]:
+        return {Endpoint(e.topic, e.kind, e.writes, Quality(e.quality.reliable), e.type_hash) for e in other.others()}
+
+    until(lambda: found() == wanted)
+
+
+def test_a_reader_that_asks_for_more_gets_nothing(both: tuple[Transport, Transport]) -> None:
+    sender, receiver = both
+    lossy = Topic("/lossy", JOINTS.kind, Quality(reliable=False))
+    got: list[str] = []
+    receiver.subscribe(Topic(lossy.name, lossy.kind, Quality()), lambda message, at: got.append("reliable"))
+    until(lambda: bool(sender.others()))
+    for _ in range(20):
+        sender.publish(lossy, messages.joint_state(1, ["a"], np.zeros(1)))
+        time.sleep(0.01)
+    assert got == []
+
+
+def test_a_late_reader_gets_the_last_message_of_a_topic_that_keeps_it(both: tuple[Transport, Transport]) -> None:
+    sender, receiver = both
+    kept = Topic("/kept", "std_msgs/String", Quality(keeps=True, depth=1))
+    sender.publish(kept, messages.text("first"))
+    sender.publish(kept, messages.text("last"))
+    got: list[str] = []
+    receiver.subscribe(kept, lambda message, at: got.append(hashes.read(kept.kind, message).data))
+    until(lambda: got == ["last"])
+
+
+def test_nothing_arrives_after_the_end(both: tuple[Transport, Transport]) -> None:
+    sender, receiver = both
+    got = threading.Event()
+    receiver.subscribe(JOINTS, lambda message, at: got.set())
+    receiver.close()
+    sender.publish(JOINTS, messages.joint_state(1, ["a"], np.zeros(1)))
+    assert not got.wait(0.2)
+
+
+@pytest.mark.parametrize("kind", types.DEFINITIONS)
+def test_hashes_are_those_of_ros(kind: str) -> None:
+    rosbags = pytest.importorskip("rosbags.typesys", reason="needs rosbags (extra `ros`)")
+    theirs = rosbags.get_typestore(rosbags.Stores.ROS2_KILTED)
+    if types.full_name(kind) in theirs.fielddefs:
+        assert hashes.type_hash(kind) == theirs.hash_rihs01(types.full_name(kind))
+
+
+def test_bytes_of_another_message_are_refused() -> None:
+    pytest.importorskip("rosbags", reason="needs rosbags (extra `ros`)")
+    with pytest.raises(ValueError, match="7 bytes are no sensor_msgs/JointState"):
+        hashes.read("sensor_msgs/JointState", b"\0\1\0\0abc")
+
+
+@pytest.mark.slow
+def test_a_node_of_ros_2_is_heard_and_hears(tmp_path: Path) -> None:
+    pytest.importorskip("cyclonedds", reason="needs cyclonedds (extra `ros`)")
+    from dextera_build.deploying.dds import Dds
+    from tests.deploying import peers
+
+    commands = Topic("/joint_trajectory", "trajectory_msgs/JointTrajectory")
+    numbers, status = Topic("/numbers", "std_msgs/Float64MultiArray"), STATUS
+    states: list[bytes] = []
+    pictures: list[bytes] = []
+    with peers.robot(DOMAIN, 12.0, tmp_path / "got.json", dict.fromkeys("abc", 0.1)) as node:
+        transport = Dds(domain=DOMAIN)
+        transport.subscribe(JOINTS, lambda message, at: states.append(message))
+        transport.subscribe(PICTURES, lambda message, at: pictures.append(message))
+        until(lambda: len(states) > 50 and len(pictures) > 5)
+        for _ in range(10):
+            transport.publish(
+                commands, messages.joint_trajectory(transport.clock(), "abc", np.array([0.2, 0.3, 0.4]), 50_000_000)
+            )
+            transport.publish(numbers, messages.numbers("abc", np.array([1.0, 2.0, 3.0])))
+            time.sleep(0.1)
+        last = hashes.read(JOINTS.kind, states[-1])
+        transport.publish(status, messages.text("stopped: over"))
+        theirs = {each.topic: each for each in transport.others() if each.writes}
+        got = node.ended()
+        transport.close()
+    assert dict(zip(last.name, last.position, strict=True)) == pytest.approx({"a": 0.2, "b": 0.3, "c": 0.4})
+    assert len(hashes.read(PICTURES.kind, pictures[-1]).data) == 256 * 160
+    assert theirs[JOINTS.name].type_hash == hashes.type_hash(JOINTS.kind)
+    assert not theirs[PICTURES.name].quality.reliable
+    assert [list("abc"), [0.2, 0.3, 0.4], 50_000_000] in got["trajectories"]
+    assert [1.0, 2.0, 3.0] in got["numbers"]
+    assert got["late"] == 0

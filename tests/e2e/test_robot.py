@@ -1,0 +1,212 @@
+"""`dxb robot` and `dxb run`: a policy of a recipe drives a simulated robot over DDS, in processes of their own."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import signal
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dextera_build import digest
+from dextera_build.formats.ros import reading
+from tests import task_bundles
+from tests.e2e.space import Space
+
+pytest.importorskip("cyclonedds", reason="needs cyclonedds (extra `ros`)")
+
+DOMAIN = str(110 + os.getpid() % 80)
+TASK = '''
+"""demo.task: a task from a file."""
+import base64
+import json
+from dextera_build.artifacts.base import File
+from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.rule import Context, Options, rule
+
+class TaskOptions(Options):
+    """Options."""
+
+@rule(version=1)
+def task(ctx: Context, stored: File, *, options: TaskOptions) -> TaskBundle:
+    """Return the task."""
+    read = json.loads(stored.data)
+    return TaskBundle.decode(read["key"], lambda key: base64.b64decode(read["blobs"][key]))
+'''
+ROBOT = '''
+"""demo.robot: the robot of a task."""
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.rule import Context, Options, rule
+
+class RobotOptions(Options):
+    """Options."""
+
+@rule(version=1)
+def robot(ctx: Context, bundle: TaskBundle, *, options: RobotOptions) -> RobotModel:
+    """Return the robot."""
+    return bundle.robot
+'''
+LINE = '''
+"""learn.line: a policy that goes to one place."""
+import numpy as np
+from dextera_build.artifacts.tasks.policy import Channel, Checkpoint, PolicyContract
+from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.policy import contract
+from dextera_build.policy.layout import of_bundle
+from dextera_build.rule import Context, Options, rule
+
+class LineOptions(Options):
+    """Options."""
+
+@rule(version=1)
+def line(ctx: Context, bundle: TaskBundle, *, options: LineOptions) -> Checkpoint:
+    """Return the policy."""
+    here = of_bundle(bundle)
+    return Checkpoint(
+        weights=(2).to_bytes(8, "little") + b"{}",
+        contract=PolicyContract(
+            algorithm="line", task=here.task, embodiment=here.embodiment, rate_hz=here.rate_hz, dataset="", settings={},
+            inputs=(contract.channel(here, "joints"), contract.channel(here, "objects")),
+            action=Channel(name="action", shape=(len(here.joints),), names=here.joints),
+        ),
+        steps=np.zeros(0, np.int64), curve=np.zeros(0, np.float32), curve_name="none",
+    )
+'''
+POLICY = '''
+"""Runs policies of learn.line."""
+import numpy as np
+
+def predict(checkpoint, bundle):
+    """Joint targets [m], the same at every step."""
+    return lambda inputs, step: np.array([[0.03, -0.02, 0.05, 0.04, 0.04]])
+'''
+RECIPE = """
+summary: A task from a file, and a policy for it.
+inputs:
+  stored: data/task.json
+nodes:
+  task: {rule: demo.task, stored: $stored}
+  robot: {rule: demo.robot, bundle: $task}
+  names:
+    rule: simulate.ros_names
+    robot: $robot
+    controllers:
+      - {topic: /rails/commands, kind: forward, joints: [x, y, z]}
+      - {topic: /hand/trajectory, joints: [left, right]}
+  policy: {rule: learn.line, bundle: $task}
+targets:
+  default: [policy, names]
+"""
+NAMES = ("--names", "task/try:names", "--domain", DOMAIN)
+TARGETS = {"x": 0.03, "y": -0.02, "z": 0.05, "left": 0.04, "right": 0.04}
+
+
+@pytest.fixture
+def built(space: Space) -> Space:
+    """A project with a task whose control periods are long, because the machine of a test is busy."""
+    made = task_bundles.lift()
+    made = made.model_copy(update={"task": made.task.model_copy(update={"control_hz": 5.0})})
+    blobs: dict[str, str] = {}
+
+    def put(data: bytes) -> str:
+        key = digest.of_bytes(data)
+        blobs[key] = base64.b64encode(data).decode()
+        return key
+
+    space.write("data/task.json", json.dumps({"key": made.encode(put), "blobs": blobs}))
+    rules = {"demo/task.py": TASK, "demo/robot.py": ROBOT, "learn/line/line.py": LINE, "learn/line/policy.py": POLICY}
+    for name, text in rules.items():
+        space.write(f"rules/{name}", text.lstrip())
+    space.write("recipes/task/try.yaml", RECIPE)
+    done = space.build("task/try")
+    assert done.code == 0, done.err[-3000:]
+    return space
+
+
+def started(space: Space, *more: str) -> subprocess.Popen[str]:
+    """A simulated robot that moves when it is told to."""
+    made = space.start("robot", "simulate", "task/try", "--json", *NAMES, *more)
+    assert made.stderr is not None
+    while "simulated robot" not in (line := made.stderr.readline()):
+        assert line, "the robot ended"
+    return made
+
+
+def ended(robot: subprocess.Popen[str]) -> dict[str, Any]:
+    """What happened to it."""
+    robot.send_signal(signal.SIGINT)
+    out, err = robot.communicate(timeout=60)
+    assert robot.returncode == 0, err
+    found: dict[str, Any] = json.loads(out)
+    return found
+
+
+def ran(space: Space, out: str) -> tuple[int, dict[str, Any]]:
+    """A run of the policy: exit code and what it tells."""
+    command = ("run", "task/try", "--policy", "task/try:policy", "--robot", "127.0.0.1", "--out", out, "--json")
+    done = space.run(*command, *NAMES)
+    assert done.out, done.err
+    return done.code, json.loads(done.out)
+
+
+@pytest.mark.slow
+def test_a_policy_drives_a_robot_over_dds(built: Space) -> None:
+    space = built
+    nobody = space.run("run", "task/try", "--policy", "task/try:policy", *NAMES)
+    assert nobody.code == 4
+    assert "nobody publishes it" in nobody.err
+    wrong = space.run("run", "task/try", "--policy", "task/try:names", *NAMES)
+    assert "DXB-U345" in wrong.err
+
+    robot = started(space)
+    try:
+        doctor = space.run("robot", "doctor", "task/try", "--json", *NAMES)
+        assert doctor.code == 0, doctor.err
+        assert json.loads(doctor.out)["failed"] == 0
+        unnamed = space.run("robot", "doctor", "task/try", "--domain", DOMAIN)
+        assert unnamed.code == 1
+        assert "nobody reads it" in unnamed.err
+        code, told = ran(space, "whole.mcap")
+    finally:
+        heard = ended(robot)
+    assert (code, told["reason"]) == (0, "not done within 4 s")
+    assert 2 * told["steps"] == heard["commands"] == 40
+    assert heard["commands_after_stop"] == 0
+    assert heard["joints"] == pytest.approx(TARGETS, abs=5e-3)
+    assert heard["status"] == ["running", "stopped: not done within 4 s"]
+    with (space.root / "whole.mcap").open("rb") as stream:
+        found, _, _ = reading.index(stream, "whole.mcap")
+    counts = {each.topic: each.count for each in found}
+    assert counts["/rails/commands"] == counts["/hand/trajectory"] == counts["/requested/joint_trajectory"] == 20
+    assert counts["/joint_states"] > 200
+
+    robot = started(space, "--fault", "joint_states_stop@1")
+    try:
+        code, told = ran(space, "cut.mcap")
+    finally:
+        heard = ended(robot)
+    assert code == 1
+    assert told["reason"] == "the guard stopped the robot: no joint states arrived for more than 0.4 s"
+    assert heard["commands"] == 2 * told["steps"] < 40
+    assert heard["commands_after_stop"] == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        (("robot", "simulate", "say/words:start"), "DXB-U333"),
+        (("robot", "doctor", "say/words:start"), "DXB-U333"),
+        (("run", "say/words", "--policy", "say/words:start", "--speed", "2"), "DXB-U347"),
+    ],
+)
+def test_what_is_no_task_is_refused(words: tuple[str, ...], code: str, space: Space) -> None:
+    assert space.build("say/words").code == 0
+    done = space.dxb(*words)
+    assert done.code == 2
+    assert f"error[{code}]" in done.err
+    assert not Path(space.root / "runs").exists()
