@@ -40,14 +40,15 @@ class _Top(_Parser):
 
 
 def parser(verb: str | None = None) -> argparse.ArgumentParser:
-    """Build the command-line parser; with `verb`, add only that verb's arguments, for a quick start-up."""
+    """Build the command-line parser; with a `verb` that exists, add only that one, for a quick start-up."""
     top = _Top(prog="dxb", description="A content-addressed build system for robot digital twins.")
     top.add_argument("--version", action="version", version=f"dxb {__version__}")
     verbs = top.add_subparsers(dest="verb", metavar="VERB", required=True, parser_class=_Parser)
     for name, summary in VERBS.items():
-        sub = verbs.add_parser(name, help=summary, description=f"{summary[0].upper()}{summary[1:]}.")
-        if verb in (None, name):
-            importlib.import_module(MODULES[name]).arguments(sub)
+        if verb == name or verb not in VERBS:
+            sub = verbs.add_parser(name, help=summary, description=f"{summary[0].upper()}{summary[1:]}.")
+            if verb in (None, name):
+                importlib.import_module(MODULES[name]).arguments(sub)
     return top
 
 

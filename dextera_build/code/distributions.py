@@ -28,6 +28,7 @@ _VERSION = re.compile(r"^version: *(\S+) *$", re.IGNORECASE | re.MULTILINE)
 """The version in the metadata of a distribution."""
 _METADATA = {".dist-info": ("METADATA", "entry_points.txt"), ".egg-info": ("PKG-INFO", "entry_points.txt")}
 """Ending of a distribution's folder -> its files that hold the version and the entry points."""
+_ENDINGS = tuple(_METADATA)
 
 
 def version_of(distribution: str) -> str | None:
@@ -58,24 +59,32 @@ def providers(modules: Iterable[str]) -> dict[str, frozenset[str]]:
 
 
 def _installed() -> dict[str, set[str]]:
-    """Top-level module -> the installed distributions that have it."""
-    return _providers(tuple((folder, _changed_ns(folder)) for folder in sys.path))
+    """Top-level module -> the installed distributions that have it.
 
-
-@lru_cache(maxsize=2)
-def _providers(folders: tuple[tuple[str, int], ...]) -> dict[str, set[str]]:
-    """As `importlib.metadata.packages_distributions`, which takes twenty times as long.
-
-    Args:
-        folders: (folder of the module search path, the time of its last change).
+    As `importlib.metadata.packages_distributions`, which takes twenty times as long.
     """
     found = defaultdict(set)
-    for folder, changed_ns in folders:
-        for name in os.listdir(folder or os.curdir) if changed_ns else ():
-            stem, ending = os.path.splitext(name)
-            if ending in (".dist-info", ".egg-info"):
-                for module in _listed(os.path.join(folder, name)):
-                    found[module].add(normal(stem.partition("-")[0]))
+    for folder in sys.path:
+        place = folder or os.getcwd()
+        for module, names in _providers(place, _changed_ns(place)).items():
+            found[module] |= names
+    return dict(found)
+
+
+@lru_cache(maxsize=16)
+def _providers(folder: str, changed_ns: int) -> dict[str, set[str]]:
+    """Top-level module -> the distributions in one folder of the module search path that have it.
+
+    Args:
+        folder: The folder.
+        changed_ns: The time of its last change; 0: there is none.
+    """
+    found = defaultdict(set)
+    for name in os.listdir(folder) if changed_ns else ():
+        stem, ending = os.path.splitext(name)
+        if ending in _METADATA:
+            for module in _listed(os.path.join(folder, name)):
+                found[module].add(normal(stem.partition("-")[0]))
     return dict(found)
 
 
@@ -92,7 +101,7 @@ def _listed(folder: str) -> set[str]:
 def _changed_ns(folder: str) -> int:
     """When the names in a folder changed last; 0 if it is none."""
     with suppress(OSError):
-        return os.stat(folder or os.curdir).st_mtime_ns if os.path.isdir(folder or os.curdir) else 0
+        return os.stat(folder).st_mtime_ns if os.path.isdir(folder) else 0
     return 0
 
 
@@ -104,10 +113,10 @@ def metadata_files(folder: str, names: Iterable[str]) -> Iterator[str]:
         names: Names in it.
     """
     for name in names:
-        files = _METADATA.get(os.path.splitext(name)[1])
-        if files is not None:
+        if name.endswith(_ENDINGS):
             path = os.path.join(folder, name)
-            yield from (os.path.join(path, file) for file in files) if os.path.isdir(path) else (path,)
+            files = _METADATA[os.path.splitext(name)[1]]
+            yield from (f"{path}{os.sep}{file}" for file in files) if os.path.isdir(path) else (path,)
 
 
 def note_packages(watch: Watch, *, doubts: bool = False) -> None:
