@@ -84,15 +84,11 @@ def of_depth(
 
     turns = 0 if options.up == "auto" else SIDES.index(options.up)
     found, points = look(turns)
-    if (
-        known is not None
-        and not known.measured
-        and choice.choose(found, options.smallest_m2, up=turned_up(turns)) is None
-    ):
-        up = None
+    stands = known is None or known.measured or choice.choose(found, options.smallest_m2, up=turned_up(turns))
+    up = up if stands else None
     if options.at_px is not None:
-        best = _stated(ctx, [upright.turned(s.region, -turns) for s in found], found, options.at_px)
-        return Candidates(turns, points, best, None)
+        stated = _stated(ctx, [upright.turned(s.region, -turns) for s in found], found, options.at_px)
+        return Candidates(turns, points, stated, None)
     count = choice.quarter_turns(found, options.smallest_m2, turned_up(turns)) if options.up == "auto" else 0
     if count:
         again, seen = look(count)
