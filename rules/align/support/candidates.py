@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, NoReturn
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 
@@ -14,10 +14,8 @@ from dextera_build.rule import Context
 
 from . import choice
 from .loads import loaded
+from .support_options import SupportOptions
 from .surfaces import Surface, find
-
-if TYPE_CHECKING:
-    from .support import SupportOptions
 
 SIDES = ("top", "right", "bottom", "left")
 """Side of the picture that is up, by the counter-clockwise quarter turns that make it upright."""
