@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, NoReturn
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 
@@ -14,10 +14,8 @@ from dextera_build.rule import Context
 
 from . import choice
 from .loads import loaded
+from .support_options import SupportOptions
 from .surfaces import Surface, find
-
-if TYPE_CHECKING:
-    from .support import SupportOptions
 
 SIDES = ("top", "right", "bottom", "left")
 """Side of the picture that is up, by the counter-clockwise quarter turns that make it upright."""
@@ -84,15 +82,11 @@ def of_depth(
 
     turns = 0 if options.up == "auto" else SIDES.index(options.up)
     found, points = look(turns)
-    if (
-        known is not None
-        and not known.measured
-        and choice.choose(found, options.smallest_m2, up=turned_up(turns)) is None
-    ):
-        up = None
+    stands = known is None or known.measured or choice.choose(found, options.smallest_m2, up=turned_up(turns))
+    up = up if stands else None
     if options.at_px is not None:
-        best = _stated(ctx, [upright.turned(s.region, -turns) for s in found], found, options.at_px)
-        return Candidates(turns, points, best, None)
+        stated = _stated(ctx, [upright.turned(s.region, -turns) for s in found], found, options.at_px)
+        return Candidates(turns, points, stated, None)
     count = choice.quarter_turns(found, options.smallest_m2, turned_up(turns)) if options.up == "auto" else 0
     if count:
         again, seen = look(count)

@@ -2,49 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
-from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.cameras.camera import Measured, Photograph
 from dextera_build.artifacts.objects.object import Support
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import pictures, planes, regions, transforms, upright
-from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
+from dextera_build.rule import ROUNDING, Context, Tolerance, rule
 
 from . import uneven, unmeasured
 from .candidates import SIDES, Candidates, known_up, of_depth
+from .support_options import SupportOptions
 from .surfaces import Surface
-from .unmeasured import MarkerOptions
-
-
-class SupportOptions(Options):
-    """Options of align.support."""
-
-    farthest_m: PositiveFloat = 4.0
-    """Depth beyond this is ignored [m]."""
-    warp_m: NonNegativeFloat = 0.002
-    """Unevenness of the support, one standard deviation, in addition to the depth camera's noise [m]."""
-    smallest_m2: NonNegativeFloat = 0.02
-    """Minimum visible area of a support [m^2]."""
-    surfaces: PositiveInt = 6
-    """Number of candidate planes."""
-    up: Literal["auto", "top", "right", "bottom", "left"] = "auto"
-    """Side of the picture that is up; `auto` uses the top, unless the depth shows a support only in a rotated
-    picture."""
-    at_px: tuple[NonNegativeInt, NonNegativeInt] | None = None
-    """Column and row of a pixel of the support, if another surface was taken for it [px]."""
-    seed: NonNegativeInt = 0
-    """Seed of the random sampling."""
-    marker: MarkerOptions | None = None
-    """A marker on the support, for photographs without depth."""
-    base_above_m: float = 0.0
-    """Height of the robot's base above the support [m], for photographs without depth."""
-    pitch_deg: float = Field(35.0, gt=0.0, le=90.0)
-    """Pitch of the camera below the horizontal, assumed for photographs without depth, marker and robot [deg]."""
-    reach: PositiveFloat = 3.0
-    """Extent of an unmeasured support, in heights of the camera above it."""
 
 
 @rule(version=6, tolerance=Tolerance({"": ROUNDING}))

@@ -16,7 +16,7 @@ from dextera_build.rule import Context, Fraction, Options, rule
 
 from ..measured import Measurements, Workspace, of_workspace, robot_pixels
 from ..overlap import suppress
-from .clear import clear_things
+from .clear import Clear, clear_things
 from .cutting import Cutter, Said
 from .marking import outlines
 from .smeared import odd_scale, size, sparse, why_no_body
@@ -79,9 +79,10 @@ def segment(
         elements=listing(wanted),
         hint="check the boxes of the elements against the photograph",
     )
-    scraps = _clear(ctx, depth.needed(), found) if depth.taken else set[str]()
+    clear = clear_things(depth.needed(), found) if depth.taken else []
+    scraps = {name for thing in clear for name in thing.scraps}
     found = {name: mask for name, mask in found.items() if name not in scraps}
-    ctx.check(bool(found), "nothing but clear or shiny things was found", hint=SEEN)
+    ctx.check(bool(found), "nothing but clear or shiny things was found", hint=MATT)
     source = depth.source(elements.asset_source)
     said = {name: Said(element.phrase, _traits(element), source) for name, element in wanted.items()}
     static = [mask for name, mask in masks.items() if name not in wanted]
@@ -90,43 +91,47 @@ def segment(
     result = _cut_out(cutter, found, said, static, options.margin_px)
     bad: dict[str, str] = {}
     if depth.taken:
-        bad = {name: why for name, one in result.items.items() if (why := why_no_body(one))}
-        for name, why in bad.items():
-            ctx.warn(f"{name} stays in the background: {why}")
+        bad = _no_bodies(ctx, result)
         found = {name: mask for name, mask in found.items() if name not in bad}
-        ctx.check(
-            bool(found),
-            "no segmented object yields a valid body",
-            objects=listing(f"{name}: {why}" for name, why in bad.items()),
-            hint="capture it from nearer, in better light, or name it in a `scene.yaml` and choose a backend of "
-            "`factorize.mesh` that needs no depth: `dxb ls backends`",
-        )
         result = _cut_out(cutter, found, said, static, options.margin_px) if bad else result
         _warn(ctx, result)
     lost = sorted(set(wanted) - set(result.names) - set(bad) - scraps)
     ctx.say(f"{', '.join(result.names)}" + (f"; nothing of {', '.join(lost)}" if lost else ""))
     ctx.preview(outlines(photograph.rgb.pixels, result.map.labels), "instances")
+    _tell_clear(ctx, photograph.rgb.pixels, clear)
     return result
 
 
-SEEN = "cover clear and shiny things with a matt spray or tape"
+MATT = "cover clear and shiny things with a matt spray or tape"
 
 
-def _clear(ctx: Context, seen: Workspace, found: dict[str, np.ndarray]) -> set[str]:
-    """Warn about clear and shiny things, with a picture of them, and return the objects that are scraps of them."""
-    things = clear_things(seen, found)
-    for thing in things:
+def _no_bodies(ctx: Context, result: Segmentation) -> dict[str, str]:
+    """Objects that cannot be reconstructed, and why, with a warning for each."""
+    bad = {name: why for name, one in result.items.items() if (why := why_no_body(one))}
+    for name, why in bad.items():
+        ctx.warn(f"{name} stays in the background: {why}")
+    ctx.check(
+        len(bad) < len(result.items),
+        "no segmented object yields a valid body",
+        objects=listing(f"{name}: {why}" for name, why in bad.items()),
+        hint="capture it from nearer, in better light, or name it in a `scene.yaml` and choose a backend of "
+        "`factorize.mesh` that needs no depth: `dxb ls backends`",
+    )
+    return bad
+
+
+def _tell_clear(ctx: Context, pixels: np.ndarray, things: list[Clear]) -> None:
+    """A warning for each clear or shiny thing, and a picture of them."""
+    labels = np.zeros(pixels.shape[:2], np.int32)
+    for number, thing in enumerate(things, start=1):
+        labels[thing.mask] = number
         scraps = f"; {listing(thing.scraps)}, which is a part of it, is no body" if thing.scraps else ""
         ctx.warn(
             f"a clear or shiny thing is in the box {list(thing.box)}: {thing.without:.0%} of it has no depth, or that "
-            f"of what is behind it: it stays in the background{scraps}; {SEEN}"
+            f"of what is behind it: it stays in the background{scraps}; {MATT}"
         )
     if things:
-        labels = np.zeros(seen.depth.shape, np.int32)
-        for number, thing in enumerate(things, start=1):
-            labels[thing.mask] = number
-        ctx.preview(outlines(seen.pixels, labels), "clear or shiny things, which are no bodies")
-    return {name for thing in things for name in thing.scraps}
+        ctx.preview(outlines(pixels, labels), "clear or shiny things, which are no bodies")
 
 
 def _warn(ctx: Context, result: Segmentation) -> None:

@@ -62,7 +62,10 @@ def test_a_glass_is_told_with_its_place_and_a_picture(tmp_path):
     left, top, right, bottom = place(warning)
     rows, columns = np.nonzero(glass)
     assert abs(np.array([left, top, right, bottom]) - [columns.min(), rows.min(), columns.max(), rows.max()]).max() < 20
-    assert runner.outcome.previews[0][0] == "clear or shiny things, which are no bodies"
+    assert [caption for caption, _ in runner.outcome.previews] == [
+        "instances",
+        "clear or shiny things, which are no bodies",
+    ]
 
 
 def test_what_is_left_of_a_glass_is_no_body(tmp_path):
