@@ -24,7 +24,7 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(shutil.which("chromium") is None, reason="`.ci/system browser` installs Chromium"),
 ]
-TAKES, ATTEMPTS = 10, 2
+TAKES, ATTEMPTS = 10, 4
 """Starts that are demonstrated, and how often at most each, because a busy machine stops some."""
 
 
