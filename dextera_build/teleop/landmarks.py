@@ -89,9 +89,9 @@ class Landmarks:
             frames = turn @ rotations_of(points, side)
             places[hand], rotations[hand] = points @ turn.T, quaternions.from_matrices(frames)
             tracking[hand], clutch[hand], pinch[hand] = TRACKED, not _opens(points), hands.pinch(points)
-        single = (each.astype(np.float32) for each in (places, rotations))
         head = np.full(7, np.nan, np.float32)
-        return Message(self._number, arrived, *single, tracking, clutch, pinch.astype(np.float32), head)
+        points, turns, closed = (each.astype(np.float32) for each in (places, rotations, pinch))
+        return Message(self._number, arrived, points, turns, tracking, clutch, closed, head)
 
     def _sided(self, found: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
         """Side -> its hand, the surest first; a single hand of a doubtful side keeps that of the last picture."""

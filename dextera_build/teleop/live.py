@@ -7,6 +7,7 @@ import io
 import signal
 import sys
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -50,8 +51,8 @@ class Wanted:
     """Further origins whose pages may connect."""
     synthetic: bool
     """Whether a program moves the hands."""
-    webcam: Webcam | None = None
-    """What sees the hands; None: the operator's page."""
+    webcam: Callable[[], Webcam] | None = None
+    """Opens what sees the hands; None: the operator's page."""
 
 
 @dataclass(frozen=True)
@@ -126,9 +127,17 @@ def run(wanted: Wanted, opened: Callable[[Opened], None]) -> Closed:
 
     Raises:
         UsageError: The recording exists, or an option does not fit.
+        MachineError: A camera cannot be read, or MediaPipe is not installed.
         RuleError: The robot has no hands that an operator's can move.
     """
     _check(wanted)
+    if wanted.webcam is None:
+        return _run(wanted, opened, None)
+    with closing(wanted.webcam()) as webcam:
+        return _run(wanted, opened, webcam)
+
+
+def _run(wanted: Wanted, opened: Callable[[Opened], None], webcam: Webcam | None) -> Closed:
     encryption = certificate.context(*wanted.certificate) if wanted.certificate else None
     server = Server(wanted.host, wanted.origins, encryption)
     takes = Takes(wanted.out, synthetic=wanted.synthetic)
@@ -143,8 +152,8 @@ def run(wanted: Wanted, opened: Callable[[Opened], None]) -> Closed:
         opened(Opened(f"{scheme}://{host}:{port}{server.path()}", known, port))
 
     sys.setswitchinterval(SWITCH_S)
-    if wanted.webcam is not None:
-        wanted.webcam.feed(session)
+    if webcam is not None:
+        webcam.feed(session)
     asyncio.run(_serve(server, session, wanted.port, ready))
     if session.error is not None:
         raise session.error
@@ -154,8 +163,8 @@ def run(wanted: Wanted, opened: Callable[[Opened], None]) -> Closed:
         "whole_way": server.whole_way,
         "round_trip": server.round_trip,
     }
-    if wanted.webcam is not None:
-        delays["camera"] = wanted.webcam.delay
+    if webcam is not None:
+        delays["camera"] = webcam.delay
     numbers: dict[str, Any] = {f"{name}_ms": _rounded(each.percentiles()) for name, each in delays.items()}
     numbers |= {"messages_dropped": session.inbox.dropped, "frames_refused": server.refused}
     heads = [message.head for kept in takes.kept for _, message in kept.rows]
@@ -168,7 +177,7 @@ def run(wanted: Wanted, opened: Callable[[Opened], None]) -> Closed:
         session.processor.told(),
         server.whole_way.told(),
         server.round_trip.told(),
-        wanted.webcam.delay.told() if wanted.webcam else "",
+        webcam.delay.told() if webcam else "",
         numbers,
     )
 

@@ -311,8 +311,8 @@ class Session(threading.Thread):
         arms = {name for limb in self.environment.bundle.robot.limbs.values() for name in limb.arm}
         joints = self.environment.bundle.robot.joints
         stopped = [joint.name for joint, met in zip(joints, at, strict=True) if met and joint.name in arms]
-        near = self.driver.control.met(self._command) if self._live and self._command else []
-        return stopped + [f"{one} near {other}" for one, other in near]
+        pairs = self.driver.control.met(self._command) if self._live and self._command else []
+        return stopped + [f"{one} near {other}" for one, other in pairs]
 
     def _hands_drawn(self) -> np.ndarray:
         """Joints (2, 25, 3) of the operator's hands in the base; NaN is sent as it is."""

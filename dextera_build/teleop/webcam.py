@@ -51,8 +51,15 @@ class Webcam:
         self._source = source
         command = [str(_python(folder)), "-I", landmark_program.__file__, source]
         quiet = os.environ | {"GLOG_minloglevel": "2", "TF_CPP_MIN_LOG_LEVEL": "2", "OPENCV_LOG_LEVEL": "OFF"}
+        # Ctrl-C ends the session, which ends the program.
         self._program = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=quiet
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            env=quiet,
+            start_new_session=True,
         )
         try:
             size = self._first(folder)

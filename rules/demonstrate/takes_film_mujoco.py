@@ -12,12 +12,12 @@ from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.geometry import cameras, poses, transforms
 from dextera_build.rule import Backend, Context, Options
-from dextera_build.sim.experts.hand_operator import due, hands_of
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.render import ghosts, portrait
 from dextera_build.sim.render.filming import Replica, in_world
 from dextera_build.sim.render.rendering import Eye
-from dextera_build.sim.retarget.motion import BASE
+from dextera_build.sim.retarget.matching import matched
+from dextera_build.sim.retarget.motion import BASE, due
 
 if TYPE_CHECKING:
     from .takes_film import TakesFilmOptions
@@ -61,7 +61,8 @@ class _Drawing:
     def __init__(self, bundle: TaskBundle, episodes: Episodes, recording: HandStream, width_px: int) -> None:
         self._replica, self._recording, self._rate = Replica(bundle, episodes), recording, episodes.rate_hz
         self._base, self._limbs = bundle.base_pose.matrix, bundle.robot.limb_names
-        model, self._hands = self._replica.model, hands_of(bundle.robot)
+        model = self._replica.model
+        self._hands = {limb: matched(bundle.robot, limb) for limb in self._limbs}
         self._bodies = {
             limb: [model.body(ROBOT + link).id for link in own.hand.links] for limb, own in self._hands.items()
         }

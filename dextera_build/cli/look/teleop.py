@@ -7,6 +7,8 @@ import json
 import shlex
 import sys
 import webbrowser
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -65,7 +67,6 @@ def run(args: argparse.Namespace) -> int:
         node, bundle = task(args.target, session, node, "teleop")
         name = session.recipe.rpartition("/")[2]
         out = Path(args.out or f"recordings/{name}.mcap")
-        webcam = _webcam(args)
         wanted = live.Wanted(
             bundle=bundle,
             out=out,
@@ -79,13 +80,9 @@ def run(args: argparse.Namespace) -> int:
             certificate=_certificate(args),
             origins=tuple(args.allow_origin),
             synthetic=args.synthetic,
-            webcam=webcam,
+            webcam=_webcam(args),
         )
-        try:
-            ended = live.run(wanted, lambda opened: _opened(args, opened))
-        finally:
-            if webcam is not None:
-                webcam.close()
+        ended = live.run(wanted, lambda opened: _opened(args, opened))
     replay = f"dxb build task/from_hands --input {shlex.quote(f'task={session.recipe}:{node}')}"
     replay += f" --input {shlex.quote(f'operator={out}')}" + ("" if ended.head else " --set hands.head=''")
     if args.json:
@@ -145,13 +142,14 @@ def _certificate(args: argparse.Namespace) -> tuple[Path, Path] | None:
     return None if args.host in LOCAL else certificate.own(settings.user_folder() / "teleop", server.shown(args.host))
 
 
-def _webcam(args: argparse.Namespace) -> Webcam | None:
+def _webcam(args: argparse.Namespace) -> Callable[[], Webcam] | None:
     from dextera_build.project import settings
     from dextera_build.teleop.webcam import Webcam
 
     if args.webcam is None:
         return None
-    return Webcam(args.webcam, settings.user_folder() / "teleop" / "mediapipe", args.webcam_view, args.hand_length)
+    folder = settings.user_folder() / "teleop" / "mediapipe"
+    return partial(Webcam, args.webcam, folder, args.webcam_view, args.hand_length)
 
 
 def _opened(args: argparse.Namespace, opened: Opened) -> None:

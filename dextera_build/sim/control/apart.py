@@ -54,6 +54,8 @@ class Apart:
     def begin(self, state: mink.Configuration) -> None:
         """Find the pairs that are near, and their room, before a control step."""
         found = self.limit.compute_qp_inequalities(state, 1.0)
+        assert found.G is not None
+        assert found.h is not None
         self._near = np.flatnonzero(np.isfinite(found.h))
         self.rows, self.room, self.met = found.G[self._near], found.h[self._near], []
 

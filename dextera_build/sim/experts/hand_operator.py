@@ -152,18 +152,13 @@ class HandOperator:
 
     def command(self, state: State) -> Command | None:
         """The targets of the last message that has come; None after the take."""
-        now = due(self._steps, self._environment.period_s)
+        now = motion.due(self._steps, self._environment.period_s)
         self._steps += 1
         if now > self._times[-1] + self._environment.period_s:
             return None
         row = int(np.searchsorted(self._times, now, side="right")) - 1
         aims = {limb: Aim(each.palms[row], each.fingers[row]) for limb, each in self._targets.items()}
         return self._labels.command(aims, state)
-
-
-def due(step: int, period_s: float) -> float:
-    """Time of a control step after the first message; messages up to it are heard [s]."""
-    return step * period_s + 1e-9
 
 
 def _drives(take: HandStream, hand: Matched) -> bool:

@@ -12,9 +12,9 @@ import numpy as np
 from dextera_build.artifacts.robots.hand_stream import LOST
 from dextera_build.geometry import hands
 from dextera_build.sim.control.operator import Aim, Command, State
-from dextera_build.sim.experts.hand_operator import SETTLE_S, Labels, Palms, due, needed
+from dextera_build.sim.experts.hand_operator import SETTLE_S, Labels, Palms, needed
 from dextera_build.sim.retarget.matching import Matched
-from dextera_build.sim.retarget.motion import Follower
+from dextera_build.sim.retarget.motion import Follower, due
 from dextera_build.sim.retarget.options import Retargeting
 from dextera_build.sim.runtime.environment import Environment
 

@@ -66,6 +66,11 @@ def retarget(robot: RobotModel, stream: HandStream, options: Retargeting | None 
     return {name: follow(matched(robot, name), stream, start.frame(robot.limbs[name].palm), options) for name in limbs}
 
 
+def due(step: int, period_s: float) -> float:
+    """Time of a control step after the first message; messages up to it are heard [s]."""
+    return step * period_s + 1e-9
+
+
 def check_side(points: np.ndarray, side: str) -> None:
     """Raise if a motion (N, 25, 3) of a hand of `side` is that of the other one.
 
