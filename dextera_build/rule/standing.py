@@ -22,7 +22,7 @@ class StandingProgram:
     Args:
         name: What it is called in messages: `the policy of learn.lerobot`.
         script: Its file, which Python of the environment runs.
-        environment: Folder of its virtual environment, in the project that contains the current folder: `.envs/lerobot`.
+        environment: Folder of its virtual environment, `.envs/lerobot`, in the project of the current folder.
         lock: File that lists the content of the environment, in that project.
 
     Raises:
