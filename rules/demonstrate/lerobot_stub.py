@@ -37,9 +37,12 @@ def write(
         lerobot_features.columns(episodes, episode, number, 0, actions.of(episode))
         for number, (_, episode) in enumerate(episodes.in_order())
     ]
+    video: dict[str, object] = {}
+    if film is not None:
+        video = {lerobot_meta.picture_key(common): lerobot_meta.video_feature(episodes, film.width, film.height)}
     stats = lerobot_stats.of_all([{name: columns[name] for name in features} for columns in parts])
     files = {
-        "meta/info.json": facts.document(lerobot_meta.info(bundle, episodes, features, {}, common)),
+        "meta/info.json": facts.document(lerobot_meta.info(bundle, episodes, features, video, common)),
         "meta/stats.json": facts.document(lerobot_stats.plain(stats)),
         "meta/dextera.json": facts.document(facts.about(bundle, episodes)),
     }

@@ -16,6 +16,7 @@ from dextera_build.sim.runtime.environment import Environment
 from dextera_build.testing import RuleRunner
 from tests import readers
 from tests.benchmarks.policies import __main__ as program
+from tests.benchmarks.policies import lerobot
 from tests.benchmarks.policies.peer import Peer, by_feature
 
 FEATURES = {"state": "observation.state", "object": "observation.environment_state", "goal": "observation.goal"}
@@ -66,3 +67,17 @@ def test_the_table_has_a_row_for_each(task: tuple[TaskBundle, Episodes], tmp_pat
     cells = [[cell.strip() for cell in row.strip("|").split("|")] for row in rows]
     assert [each[0] for each in cells] == ["dxb `learn.bc_rnn`", "robomimic 0.3.0 BC-RNN-GMM"]
     assert all(float(each[2]) > 0 and "/2" in each[3] for each in cells)
+
+
+@pytest.mark.slow
+def test_lerobot_has_a_row_beside_each_of_dxb(
+    task: tuple[TaskBundle, Episodes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    readers.installed(tmp_path, "lerobot", "lerobot-0.4")
+    (tmp_path / "scratch").mkdir()
+    monkeypatch.chdir(tmp_path)
+    given = {"steps": 3, "batch": 8, "rate": 1e-3, "seed": 0}
+    rows = lerobot.compare(*task, "act", given, 1, tmp_path)
+    cells = [[cell.strip() for cell in row.strip("|").split("|")] for row in rows]
+    assert [each[0] for each in cells] == ["dxb `learn.act`", "LeRobot 0.4.4 act"]
+    assert all("/1" in each[3] for each in cells)

@@ -43,7 +43,7 @@ def lerobot(
     seen = exported.observed(bundle, data, view)
     _check_base(ctx, base, options.type)
     trained = ctx.backend.train(ctx, data, base, options, ctx.backend_options)
-    settings = {
+    settings: dict[str, float | int | str | bool] = {
         "program": "lerobot",
         "type": options.type,
         "features": json.dumps(seen.features),

@@ -13,19 +13,11 @@ import numpy as np
 
 from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.errors import RuleError
-from dextera_build.formats import exchange
 from dextera_build.learning import packed
-from dextera_build.outside import messages
-from dextera_build.outside.program import Program
-from dextera_build.outside.running import Limits, Running
 from dextera_build.policy.features import Fields
+from dextera_build.rule.standing import StandingProgram
 
 from .programs import lerobot_acting  # its source is part of what runs a checkpoint
-
-ENVIRONMENT = ".envs/lerobot"
-LOCK = "envs/lerobot.lock"
-_LIMITS = Limits(timeout_s=600.0, memory_gb=0.0, disk_gb=16.0, idle_s=86_400.0)
-"""Of an answer; the first one loads the policy."""
 
 
 class Lerobot:
@@ -44,11 +36,10 @@ class Lerobot:
         self._features: dict[str, list[str]] = json.loads(self._settings["features"])
         self._shapes = {channel.name: channel.shape for channel in checkpoint.contract.inputs}
         self._joints = checkpoint.contract.action.shape[0]
-        program = _program()
-        program.check(program.digests())
+        script = Path(lerobot_acting.__file__ or "")
+        self._program = StandingProgram("a policy of learn.lerobot", script, ".envs/lerobot", "envs/lerobot.lock")
         self._folder = Path(tempfile.mkdtemp(prefix="dxb-lerobot-"))
-        self._running = program.run({}, (), gpu=False)
-        weakref.finalize(self, _close, self._running, self._folder)
+        weakref.finalize(self, _close, self._program, self._folder)
         packed.unpack(checkpoint.weights, self._folder)
 
     def __call__(self, inputs: Fields, step: int) -> np.ndarray:
@@ -61,22 +52,23 @@ class Lerobot:
         Raises:
             RuleError: LeRobot failed, or gave something else.
         """
-        given = {
-            "folder": str(self._folder),
-            "version": self._settings["version"],
-            "instruction": self._settings["instruction"],
-            "seed": self._settings["seed"],
-            "reset": step == 0,
-            "observation": {name: self._feature(parts, inputs) for name, parts in self._features.items()},
-        }
-        targets = _asked(self._running, given)
+        targets = self._program.ask(
+            "act",
+            np.ndarray,
+            folder=str(self._folder),
+            version=self._settings["version"],
+            instruction=self._settings["instruction"],
+            seed=self._settings["seed"],
+            reset=step == 0,
+            observation={name: self._feature(parts, inputs) for name, parts in self._features.items()},
+        )
         if targets.shape != (self._joints,):
             raise RuleError(
                 f"LeRobot's policy gave {targets.shape}, the robot has {self._joints} joints",
-                code="DXB-B543",
+                code="DXB-B532",
                 hint="train on a data set of this task",
             )
-        return targets[None]
+        return np.array(targets[None])
 
     def _feature(self, channels: list[str], inputs: Fields) -> np.ndarray:
         """A feature (N,) float32, or a picture (H, W, 3) uint8, as the data set has it."""
@@ -86,46 +78,6 @@ class Lerobot:
         return np.concatenate([part.ravel() for part in parts]).astype(np.float32)
 
 
-def _asked(running: Running, given: dict[str, Any]) -> np.ndarray:
-    folder = running.exchange()
-    try:
-        request = folder / messages.REQUEST
-        messages.write(
-            messages.Request(
-                protocol=messages.PROTOCOL,
-                rule="learn.lerobot",
-                backend="acting",
-                function="act",
-                inputs={name: exchange.write(value, request, name) for name, value in given.items()},
-            ),
-            request,
-        )
-        running.ask(folder, lambda kind, data: None)
-        answer = messages.read(folder / messages.RESPONSE)
-        if isinstance(answer, messages.Refused):
-            raise RuleError(answer.message, code="DXB-B378", hint=answer.hint or None, facts={"said by": "LeRobot"})
-        return np.array(exchange.read(answer.output, np.ndarray, folder / messages.RESPONSE))
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-def _program() -> Program:
-    """LeRobot in the environment of the project that contains the current folder."""
-    here = Path.cwd()
-    base = next((folder for folder in (here, *here.parents) if (folder / ENVIRONMENT).exists()), here)
-    return Program(
-        backend="own of learn.lerobot",
-        file=Path(lerobot_acting.__file__ or ""),
-        base=base,
-        command=("{python}", Path(lerobot_acting.__file__ or "").name),
-        files=(),
-        environment=f"venv:{ENVIRONMENT}",
-        lock=LOCK,
-        server=True,
-        limits=_LIMITS,
-    )
-
-
-def _close(running: Running, folder: Path) -> None:
-    running.end()
+def _close(program: StandingProgram, folder: Path) -> None:
+    program.end()
     shutil.rmtree(folder, ignore_errors=True)

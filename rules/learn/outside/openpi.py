@@ -29,7 +29,7 @@ class OpenpiBackend(Protocol):
         ...
 
 
-@rule(version=1, packages=("numpy", "safetensors"), memory_gb=48.0, tolerance=TOLERANCE)
+@rule(version=1, packages=("numpy", "safetensors"), memory_gb=4.0, tolerance=TOLERANCE)
 def openpi(
     ctx: Context[OpenpiBackend], bundle: TaskBundle, data: Folder, view: View, *, options: OpenpiOptions
 ) -> Checkpoint:

@@ -25,7 +25,7 @@ class OpenvlaBackend(Protocol):
         ...
 
 
-@rule(version=1, packages=("numpy", "safetensors"), memory_gb=48.0, tolerance=TOLERANCE)
+@rule(version=1, packages=("numpy", "safetensors"), memory_gb=4.0, tolerance=TOLERANCE)
 def openvla(
     ctx: Context[OpenvlaBackend], bundle: TaskBundle, data: Folder, view: View, *, options: OpenvlaOptions
 ) -> Checkpoint:

@@ -225,7 +225,7 @@ def _instruction(data: Path) -> str:
     lines = data / "meta" / "tasks.jsonl"
     if lines.is_file():
         return str(json.loads(lines.read_text().splitlines()[0])["task"])
-    import pandas
+    import pandas  # type: ignore[import-untyped]
 
     return str(pandas.read_parquet(data / "meta" / "tasks.parquet").index[0])
 
