@@ -149,7 +149,7 @@ def ended(robot: subprocess.Popen[str]) -> dict[str, Any]:
 def ran(space: Space, out: str) -> tuple[int, dict[str, Any]]:
     """A run of the policy: exit code and what it tells."""
     command = ("run", "task/try", "--policy", "task/try:policy", "--robot", "127.0.0.1", "--out", out, "--json")
-    done = space.run(*command, *NAMES)
+    done = space.dxb(*command, *NAMES)
     assert done.out, done.err
     return done.code, json.loads(done.out)
 
@@ -157,18 +157,18 @@ def ran(space: Space, out: str) -> tuple[int, dict[str, Any]]:
 @pytest.mark.slow
 def test_a_policy_drives_a_robot_over_dds(built: Space) -> None:
     space = built
-    nobody = space.run("run", "task/try", "--policy", "task/try:policy", *NAMES)
+    nobody = space.dxb("run", "task/try", "--policy", "task/try:policy", *NAMES)
     assert nobody.code == 4
     assert "nobody publishes it" in nobody.err
-    wrong = space.run("run", "task/try", "--policy", "task/try:names", *NAMES)
+    wrong = space.dxb("run", "task/try", "--policy", "task/try:names", *NAMES)
     assert "DXB-U345" in wrong.err
 
     robot = started(space)
     try:
-        doctor = space.run("robot", "doctor", "task/try", "--json", *NAMES)
+        doctor = space.dxb("robot", "doctor", "task/try", "--json", *NAMES)
         assert doctor.code == 0, doctor.err
         assert json.loads(doctor.out)["failed"] == 0
-        unnamed = space.run("robot", "doctor", "task/try", "--domain", DOMAIN)
+        unnamed = space.dxb("robot", "doctor", "task/try", "--domain", DOMAIN)
         assert unnamed.code == 1
         assert "nobody reads it" in unnamed.err
         code, told = ran(space, "whole.mcap")
