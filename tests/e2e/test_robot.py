@@ -175,6 +175,7 @@ def test_a_policy_drives_a_robot_over_dds(built: Space) -> None:
     nobody = space.dxb("run", "task/try", "--policy", "task/try:policy", *NAMES)
     assert nobody.code == 4
     assert "nobody publishes it" in nobody.err
+    assert list(space.root.glob("runs/*")) == []
     wrong = space.dxb("run", "task/try", "--policy", "task/try:names", *NAMES)
     assert "DXB-U345" in wrong.err
 
