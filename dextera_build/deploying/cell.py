@@ -169,8 +169,10 @@ class RosCell:
             self._say(stopped.message)
             raise
         self._intervened(np.asarray(targets, np.float64), sent)
+        # By the robot's clock, so that a controller refuses what arrives when its time is over, after a network's gap.
+        stamp = now - round(self.state.offset_s * SECOND)
         for controller in self._topics.controllers:
-            command = self._joints.command(now, controller, sent, self._period)
+            command = self._joints.command(stamp, controller, sent, self._period)
             self._transport.publish(controller.topic, command)
             self._record(controller.topic, command, now)
         self.delays_s.append((self._transport.clock() - self._anchor.stamp) / SECOND - self.state.offset_s)

@@ -74,8 +74,10 @@ class Heard:
 
     commands: int = 0
     """Number of commands."""
+    expired: int = 0
+    """Number of trajectories that ended in the past, which the JointTrajectory controller of ros2_control refuses."""
     after_stop: int = 0
-    """Number of commands after the run said that it stopped."""
+    """Number of other commands after the run said that it stopped."""
     unusable: list[str] = field(default_factory=list)
     """Why commands were refused."""
     status: list[str] = field(default_factory=list)
@@ -142,8 +144,12 @@ class SimulatedRobot:
             mujoco.mj_forward(environment.model, environment.data)
             self._see(stamp)
 
+    def _clock(self) -> int:
+        """The robot's clock [ns]."""
+        return self._transport.clock() + round(self._simulation.clock_s * SECOND)
+
     def _stamp(self) -> int:
-        stamp = self._transport.clock() + round(self._simulation.clock_s * SECOND)
+        stamp = self._clock()
         stamp += JUMP_NS if self._faulty("stamps_jump") else 0
         return stamp - (JUMP_NS if self._faulty("stamps_back") else 0)
 
@@ -180,11 +186,14 @@ class SimulatedRobot:
         if self._faulty("cut"):
             return
         try:
-            targets, reach_s = self._joints.commanded(controller, message)
+            targets, reach_s, stamp = self._joints.commanded(controller, message)
         except wire.UnusableError as error:
             self.heard.unusable.append(str(error))
             return
         self.heard.commands += 1
+        if stamp and stamp + round(reach_s * SECOND) < self._clock():
+            self.heard.expired += 1
+            return
         self.heard.after_stop += bool(self.heard.status) and self.heard.status[-1].startswith(STOPPED)
         if self._moving_since < 0:
             self._moving_since = self._ticks
@@ -234,6 +243,7 @@ def facts(robot: SimulatedRobot) -> dict[str, Any]:
         "task": layout.task,
         "world": layout.world,
         "commands": heard.commands,
+        "commands_expired": heard.expired,
         "commands_after_stop": heard.after_stop,
         "unusable": heard.unusable[:5],
         "status": heard.status[-5:],

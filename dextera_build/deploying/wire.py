@@ -78,8 +78,8 @@ class Joints:
             return messages.numbers(names, values)
         return messages.joint_trajectory(stamp, names, values, reach)
 
-    def commanded(self, controller: Commanded, message: bytes) -> tuple[dict[str, float], float]:
-        """Joint of the model -> target [rad or m], and the time until it is reached [s].
+    def commanded(self, controller: Commanded, message: bytes) -> tuple[dict[str, float], float, int]:
+        """Joint of the model -> target [rad or m]; the time until it is reached [s]; the stamp [ns], 0 without one.
 
         Raises:
             UnusableError: The message is damaged, or its joints are not those of the controller.
@@ -87,16 +87,17 @@ class Joints:
         read = unpacked(controller.topic.kind, message)
         named = {self._named[self._joints.index(joint)]: joint for joint in controller.joints}
         if controller.topic.kind == "std_msgs/Float64MultiArray":
-            names, values, reach = list(named), read.data, 0.0
+            names, values, reach, stamp = list(named), read.data, 0.0, 0
         else:
             point = read.points[-1]
             names, values = read.joint_names, point.positions
             reach = float(point.time_from_start.sec + point.time_from_start.nanosec / SECOND)
+            stamp = stamp_of(read.header)
         if sorted(names) != sorted(named) or len(values) != len(named):
             raise UnusableError(f"its joints are {listing(names)}, those of the controller {listing(named)}")
         places = dict(zip(names, values, strict=True))
         signs = dict(zip(self._joints, self._sign, strict=True))
-        return {joint: float(places[name] * signs[joint]) for name, joint in named.items()}, reach
+        return {joint: float(places[name] * signs[joint]) for name, joint in named.items()}, reach, stamp
 
 
 def poses(stamp: int, base: str, placed: Mapping[str, np.ndarray]) -> bytes:

@@ -139,3 +139,22 @@ def test_an_error_in_a_policy_is_told_to_the_robot() -> None:
         rig.drive(Line(TARGETS, after=10, then=broken))
     assert rig.robot.heard.status[-1] == "stopped: ZeroDivisionError: by zero"
     held(rig)
+
+
+def test_a_command_that_comes_when_its_time_is_over_is_refused() -> None:
+    rig = Rig(simulation=Simulation(clock_s=2.0))
+    late: list[bytes] = []
+    publish = rig.transport.publish
+    cut = False
+
+    def held_back(topic, message):
+        late.append(message) if cut else publish(topic, message)
+
+    rig.transport.publish = held_back  # type: ignore[method-assign]
+    rig.cell.begin()
+    rig.cell.send(TARGETS)
+    cut = True
+    rig.cell.send(TARGETS)
+    rig.sleep(0.5)
+    publish(rig.cell._topics.controllers[0].topic, late[0])
+    assert (rig.robot.heard.commands, rig.robot.heard.expired) == (2, 1)

@@ -150,9 +150,7 @@ def test_a_node_of_ros_2_is_heard_and_hears(tmp_path: Path) -> None:
         transport.subscribe(PICTURES, lambda message, at: pictures.append(message))
         until(lambda: len(states) > 50 and len(pictures) > 5)
         for _ in range(10):
-            transport.publish(
-                commands, messages.joint_trajectory(transport.clock(), "abc", np.array([0.2, 0.3, 0.4]), 50_000_000)
-            )
+            transport.publish(commands, messages.joint_trajectory(0, "abc", np.array([0.2, 0.3, 0.4]), 50_000_000))
             transport.publish(numbers, messages.numbers("abc", np.array([1.0, 2.0, 3.0])))
             time.sleep(0.1)
         last = hashes.read(JOINTS.kind, states[-1])

@@ -13,29 +13,31 @@ from typing import Any
 import pytest
 
 from dextera_build import digest
+from dextera_build.artifacts.base import Artifact
+from dextera_build.artifacts.tasks.task import View
 from dextera_build.formats.ros import reading
-from tests import task_bundles
+from tests import factories, task_bundles
 from tests.e2e.space import Space
 
 pytest.importorskip("cyclonedds", reason="needs cyclonedds (extra `ros`)")
 
 DOMAIN = str(110 + os.getpid() % 80)
-TASK = '''
-"""demo.task: a task from a file."""
+STORED = '''
+"""demo.NAME: an artifact from a file."""
 import base64
 import json
 from dextera_build.artifacts.base import File
-from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.artifacts.tasks.task import KIND
 from dextera_build.rule import Context, Options, rule
 
-class TaskOptions(Options):
+class KINDOptions(Options):
     """Options."""
 
 @rule(version=1)
-def task(ctx: Context, stored: File, *, options: TaskOptions) -> TaskBundle:
-    """Return the task."""
+def NAME(ctx: Context, stored: File, *, options: KINDOptions) -> KIND:
+    """Return the artifact."""
     read = json.loads(stored.data)
-    return TaskBundle.decode(read["key"], lambda key: base64.b64decode(read["blobs"][key]))
+    return KIND.decode(read["key"], lambda key: base64.b64decode(read["blobs"][key]))
 '''
 ROBOT = '''
 """demo.robot: the robot of a task."""
@@ -89,8 +91,10 @@ RECIPE = """
 summary: A task from a file, and a policy for it.
 inputs:
   stored: data/task.json
+  camera: data/view.json
 nodes:
   task: {rule: demo.task, stored: $stored}
+  view: {rule: demo.view, stored: $camera}
   robot: {rule: demo.robot, bundle: $task}
   names:
     rule: simulate.ros_names
@@ -100,17 +104,16 @@ nodes:
       - {topic: /hand/trajectory, joints: [left, right]}
   policy: {rule: learn.line, bundle: $task}
 targets:
-  default: [policy, names]
+  default: [policy, names, view]
 """
 NAMES = ("--names", "task/try:names", "--domain", DOMAIN)
+SEEING = ("--view", "task/try:view")
+PICTURES = "/workspace/color/image_raw/compressed"
 TARGETS = {"x": 0.03, "y": -0.02, "z": 0.05, "left": 0.04, "right": 0.04}
 
 
-@pytest.fixture
-def built(space: Space) -> Space:
-    """A project with a task whose control periods are long, because the machine of a test is busy."""
-    made = task_bundles.lift()
-    made = made.model_copy(update={"task": made.task.model_copy(update={"control_hz": 5.0})})
+def stored(artifact: Artifact) -> str:
+    """An artifact with its parts as one text."""
     blobs: dict[str, str] = {}
 
     def put(data: bytes) -> str:
@@ -118,8 +121,20 @@ def built(space: Space) -> Space:
         blobs[key] = base64.b64encode(data).decode()
         return key
 
-    space.write("data/task.json", json.dumps({"key": made.encode(put), "blobs": blobs}))
-    rules = {"demo/task.py": TASK, "demo/robot.py": ROBOT, "learn/line/line.py": LINE, "learn/line/policy.py": POLICY}
+    return json.dumps({"key": artifact.encode(put), "blobs": blobs})
+
+
+@pytest.fixture
+def built(space: Space) -> Space:
+    """A project with a task whose control periods are long, because the machine of a test is busy."""
+    made = task_bundles.lift()
+    made = made.model_copy(update={"task": made.task.model_copy(update={"control_hz": 5.0})})
+    camera = factories.placed(factories.look_at((0.5, -0.5, 0.7)), "camera")
+    space.write("data/task.json", stored(made))
+    space.write("data/view.json", stored(View(camera=factories.camera(64, 48), camera_pose=camera)))
+    rules = {"demo/robot.py": ROBOT, "learn/line/line.py": LINE, "learn/line/policy.py": POLICY}
+    for name, kind in (("task", "TaskBundle"), ("view", "View")):
+        rules[f"demo/{name}.py"] = STORED.replace("NAME", name).replace("KIND", kind)
     for name, text in rules.items():
         space.write(f"rules/{name}", text.lstrip())
     space.write("recipes/task/try.yaml", RECIPE)
@@ -146,10 +161,10 @@ def ended(robot: subprocess.Popen[str]) -> dict[str, Any]:
     return found
 
 
-def ran(space: Space, out: str) -> tuple[int, dict[str, Any]]:
+def ran(space: Space, out: str, *more: str) -> tuple[int, dict[str, Any]]:
     """A run of the policy: exit code and what it tells."""
     command = ("run", "task/try", "--policy", "task/try:policy", "--robot", "127.0.0.1", "--out", out, "--json")
-    done = space.run(*command, *NAMES)
+    done = space.dxb(*command, *NAMES, *more)
     assert done.out, done.err
     return done.code, json.loads(done.out)
 
@@ -157,21 +172,24 @@ def ran(space: Space, out: str) -> tuple[int, dict[str, Any]]:
 @pytest.mark.slow
 def test_a_policy_drives_a_robot_over_dds(built: Space) -> None:
     space = built
-    nobody = space.run("run", "task/try", "--policy", "task/try:policy", *NAMES)
+    nobody = space.dxb("run", "task/try", "--policy", "task/try:policy", *NAMES)
     assert nobody.code == 4
     assert "nobody publishes it" in nobody.err
-    wrong = space.run("run", "task/try", "--policy", "task/try:names", *NAMES)
+    assert list(space.root.glob("runs/*")) == []
+    wrong = space.dxb("run", "task/try", "--policy", "task/try:names", *NAMES)
     assert "DXB-U345" in wrong.err
 
-    robot = started(space)
+    robot = started(space, *SEEING)
     try:
-        doctor = space.run("robot", "doctor", "task/try", "--json", *NAMES)
+        doctor = space.dxb("robot", "doctor", "task/try", "--json", *NAMES, *SEEING)
         assert doctor.code == 0, doctor.err
-        assert json.loads(doctor.out)["failed"] == 0
-        unnamed = space.run("robot", "doctor", "task/try", "--domain", DOMAIN)
+        checks = json.loads(doctor.out)
+        assert checks["failed"] == 0
+        assert f"{PICTURES} arrives" in {each["check"] for each in checks["checks"]}
+        unnamed = space.dxb("robot", "doctor", "task/try", "--domain", DOMAIN)
         assert unnamed.code == 1
         assert "nobody reads it" in unnamed.err
-        code, told = ran(space, "whole.mcap")
+        code, told = ran(space, "whole.mcap", *SEEING)
     finally:
         heard = ended(robot)
     assert (code, told["reason"]) == (0, "not done within 4 s")
@@ -183,8 +201,13 @@ def test_a_policy_drives_a_robot_over_dds(built: Space) -> None:
         found, _, _ = reading.index(stream, "whole.mcap")
     counts = {each.topic: each.count for each in found}
     assert counts["/rails/commands"] == counts["/hand/trajectory"] == counts["/requested/joint_trajectory"] == 20
-    assert counts["/joint_states"] > 200
+    assert counts["/joint_states"] > 100
+    assert counts[PICTURES] > 5
 
+
+@pytest.mark.slow
+def test_a_robot_that_falls_silent_over_dds_is_not_moved_any_more(built: Space) -> None:
+    space = built
     robot = started(space, "--fault", "joint_states_stop@1")
     try:
         code, told = ran(space, "cut.mcap")

@@ -40,6 +40,7 @@ def run(args: argparse.Namespace) -> int:
     """Check the robot, run the policy, and write the recording; exit with 1 unless the run ended by itself."""
     from dextera_build.deploying.bag import Bag
     from dextera_build.deploying.cell import RosCell
+    from dextera_build.errors import MachineError
     from dextera_build.running import called
 
     safety = _safety(args)
@@ -54,6 +55,9 @@ def run(args: argparse.Namespace) -> int:
             cell = RosCell(transport, here.topics, here.bundle, needed, safety, bag)
             _refuse(args, here, transport, cell)
             ran = _driven(args, here, cell, policy, bag)
+        except MachineError:
+            out.unlink()  # nothing was run
+            raise
         finally:
             transport.close()
             bag.close(_facts(here, digest, safety))
