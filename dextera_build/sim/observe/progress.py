@@ -71,7 +71,7 @@ class Progress:
             name, way = aim
             return float(self._link(name).distances(data, way, tips).min())
         distances = self._distances(state, number, tips)
-        hands = self._hands.values() if aim is None else [self._hands[aim]]
+        hands = [self._hands[aim]] if aim in self._hands else self._hands.values()
         # `mean` takes several times as long as sums.
         means = [float(np.add.reduce(distances[hand])) / (hand.stop - hand.start) for hand in hands]
         return float(sum(means) / len(means) if environment.task.limbs else min(means))
@@ -118,10 +118,11 @@ def _sites(environment: Environment) -> dict[str, np.ndarray]:
     """Limb -> sites of the fingertips of its hand, if it may do the task, or of its palm if it has none."""
     robot, model = environment.bundle.robot, environment.model
     found = {}
-    for name in environment.primitive.ordered() or environment.task.limbs or robot.limb_names:
+    roles = [name for name in environment.primitive.ordered() if name in robot.limbs]
+    for name in roles or environment.task.limbs or robot.limb_names:
         limb = robot.limbs[name]
-        roles = limb.tips or (limb.palm,)
-        found[name] = np.array([model.site(ROBOT + robot.frames[role]).id for role in roles if role], int)
+        tips = limb.tips or (limb.palm,)
+        found[name] = np.array([model.site(ROBOT + robot.frames[role]).id for role in tips if role], int)
     return {name: sites for name, sites in found.items() if len(sites)}
 
 
