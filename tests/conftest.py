@@ -22,6 +22,15 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 # How fast the machine is, and what else it has to do, says nothing of the code.
 settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("same", settings.get_profile("search"), derandomize=True)
+WITHOUT_SEARCH = ("not slow and not medium", "medium", "not slow")
+"""What `make test`, `make test-medium` and `.ci/run` select."""
+FORKING = frozenset({"chaos", "hostile", "oracle", "outside", "workers"})
+"""Folders of tests that fork this process hundreds of times, and a fork takes the longer, the more memory it has."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the tests that fork, while little is loaded."""
+    items.sort(key=lambda item: FORKING.isdisjoint(item.path.parts))
 
 
 # What is imported and collected stays to the end: the collector of garbage would look through it again and again.
@@ -37,7 +46,7 @@ def pytest_runtestloop() -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     """What CI runs says the same of the same code; every other run searches for cases that nobody tried."""
-    settings.load_profile("same" if config.getoption("markexpr") in ("not slow and not medium", "medium") else "search")
+    settings.load_profile("same" if config.getoption("markexpr") in WITHOUT_SEARCH else "search")
 
 
 @pytest.fixture

@@ -39,9 +39,15 @@ def console(page: Path) -> list[str]:
 COMMANDS = sorted({command for page in PAGES for command in console(page)})
 
 
+@pytest.fixture(scope="module")
+def parser():
+    """The parser of all verbs, which takes longer to make than to use."""
+    return grammar.parser()
+
+
 @pytest.mark.parametrize("command", [c for c in COMMANDS if c.startswith("dxb ")])
-def test_commands_in_pages_are_understood(command):
-    grammar.parser().parse_args(shlex.split(command)[1:])
+def test_commands_in_pages_are_understood(parser, command):
+    parser.parse_args(shlex.split(command)[1:])
 
 
 @pytest.mark.parametrize("command", [c for c in COMMANDS if c.startswith("make ")])

@@ -8,6 +8,7 @@ import statistics
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -69,21 +70,36 @@ def name(path: Path) -> str:
     return path.relative_to(REPO).as_posix()
 
 
-def functions(path: Path) -> Iterator[tuple[str, int]]:
-    """Place and length in lines, decorators left out, of every function."""
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            yield f"{name(path)}:{node.lineno} {node.name}", (node.end_lineno or node.lineno) - node.lineno + 1
+@dataclass(frozen=True)
+class Facts:
+    """What the tests ask of a source file, so that it is parsed once for all of them."""
+
+    is_described: bool
+    functions: dict[str, int]
+    """Place -> length in lines, decorators left out, of every function."""
+    imports: dict[bool, tuple[tuple[int, str], ...]]
+    """Whether only those at the top count -> (level, module); see `imports`."""
 
 
 @cache
+def facts(path: Path) -> Facts:
+    tree = ast.parse(path.read_text())
+    functions = {
+        f"{name(path)}:{node.lineno} {node.name}": (node.end_lineno or node.lineno) - node.lineno + 1
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    }
+    imports = {top_only: tuple(_imports(tree, top_only)) for top_only in (False, True)}
+    return Facts(bool(ast.get_docstring(tree)), functions, imports)
+
+
 def imports(path: Path, *, top_only: bool) -> tuple[tuple[int, str], ...]:
     """(level, module) of imports; `from . import a` gives (1, "a"). What only a type checker sees is left out."""
-    return tuple(_imports(path, top_only))
+    return facts(path).imports[top_only]
 
 
-def _imports(path: Path, top_only: bool) -> Iterator[tuple[int, str]]:
-    stack: list[ast.AST] = list(ast.parse(path.read_text()).body)
+def _imports(tree: ast.Module, top_only: bool) -> Iterator[tuple[int, str]]:
+    stack: list[ast.AST] = list(tree.body)
     while stack:
         node = stack.pop()
         if isinstance(node, ast.Import):
@@ -123,13 +139,13 @@ def test_files_are_short():
 
 
 def test_functions_are_short():
-    lengths = dict(found for path in SOURCES for found in functions(path))
+    lengths = {place: length for path in SOURCES for place, length in facts(path).functions.items()}
     assert {place: count for place, count in lengths.items() if count > FUNCTION_LINES} == {}
     assert statistics.quantiles(lengths.values(), n=10)[-1] <= MOST_FUNCTION_LINES
 
 
 def test_every_module_says_what_it_is_for():
-    assert [name(path) for path in SOURCES if not ast.get_docstring(ast.parse(path.read_text()))] == []
+    assert [name(path) for path in SOURCES if not facts(path).is_described] == []
 
 
 def test_every_folder_of_tests_has_something_to_test():

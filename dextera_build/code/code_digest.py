@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -24,6 +25,7 @@ EXCHANGE = PACKAGE / "formats" / "exchange.py"
 """Forms of values outside; part of the code of every backend with a program."""
 FILE = "<file>"
 """The one definition of a file that is digested byte by byte: of a program, or a lock file."""
+_OF_DXB = f"{PACKAGE}{os.sep}"
 _SOURCE = ".py"
 _PACKAGE = "__init__.py"
 
@@ -91,7 +93,7 @@ class CodeIndex:
     def _lists_names(self, module: Module | None) -> bool:
         """Whether a module may see in which order another one binds its names; none of dxb's asks for it."""
         file = module.file if module else None
-        return file is not None and not file.is_relative_to(PACKAGE) and self._source(file).lists_names
+        return file is not None and not str(file).startswith(_OF_DXB) and self._source(file).lists_names
 
     def looked_at(self) -> set[str]:
         """Files that were read, folders that were searched, and missing files that would take precedence."""

@@ -63,7 +63,7 @@ def _installed() -> dict[str, set[str]]:
 
     As `importlib.metadata.packages_distributions`, which takes twenty times as long.
     """
-    found = defaultdict(set)
+    found: defaultdict[str, set[str]] = defaultdict(set)
     for folder in sys.path:
         place = folder or os.getcwd()
         for module, names in _providers(place, _changed_ns(place)).items():
@@ -79,7 +79,7 @@ def _providers(folder: str, changed_ns: int) -> dict[str, set[str]]:
         folder: The folder.
         changed_ns: The time of its last change; 0: there is none.
     """
-    found = defaultdict(set)
+    found: defaultdict[str, set[str]] = defaultdict(set)
     for name in os.listdir(folder) if changed_ns else ():
         stem, ending = os.path.splitext(name)
         if ending in _METADATA:

@@ -51,13 +51,15 @@ def largest(name: str, field: FieldInfo) -> float | None:
 def exceeded(options: BaseModel) -> tuple[tuple[Any, ...], float, float] | None:
     """(path, value, largest value) of the first given option that is too large."""
     for name in options.model_fields_set:
-        field = type(options).model_fields[name]
-        for path, value in _numbers(getattr(options, name), (name,)):
+        numbers = [*_numbers(getattr(options, name), (name,))]
+        is_plain = any(not isinstance(value, BaseModel) for _, value in numbers)
+        limit = largest(name, type(options).model_fields[name]) if is_plain else None
+        for path, value in numbers:
             if isinstance(value, BaseModel):
                 inner = exceeded(value)
                 if inner is not None:
                     return (*path, *inner[0]), *inner[1:]
-            elif (limit := largest(name, field)) is not None and abs(value) > limit:
+            elif limit is not None and abs(value) > limit:
                 return path, value, limit
     return None
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any, get_args
 
 from dextera_build.code.companions import Companion, Companions, beside, in_folder
@@ -129,15 +130,32 @@ class _Trace:
                 yield from ((part.call, None, call) for call in self._graph.variants(part.call))
 
 
-def holds(kind: Any, wanted: Any, seen: set[Any] | None = None) -> bool:
+def holds(kind: Any, wanted: Any) -> bool:
     """Whether a value of type `kind` is, or may hold, an artifact of type `wanted`."""
-    seen = set() if seen is None else seen
-    if not isinstance(kind, type) or not hasattr(kind, "model_fields"):
-        return any(holds(inner, wanted, seen) for inner in get_args(kind))
-    if kind in seen:
-        return False
-    seen.add(kind)
-    return overlap(kind, wanted) or any(holds(field.annotation, wanted, seen) for field in kind.model_fields.values())
+    return any(_model_holds(model, wanted) for model in _models(kind))
+
+
+@lru_cache(maxsize=4096)
+def _model_holds(model: Any, wanted: Any) -> bool:
+    """As `holds`, kept, as a plan asks it of the same types hundreds of times."""
+    seen, stack = {model}, [model]
+    while stack:
+        here = stack.pop()
+        if overlap(here, wanted):
+            return True
+        inner = {each for field in here.model_fields.values() for each in _models(field.annotation)} - seen
+        seen |= inner
+        stack += inner
+    return False
+
+
+def _models(kind: Any) -> Iterator[Any]:
+    """The models that a type names."""
+    if isinstance(kind, type) and hasattr(kind, "model_fields"):
+        yield kind
+    else:
+        for inner in get_args(kind):
+            yield from _models(inner)
 
 
 def _nothing_runs(call: Call, slot: str, maker: str, companion: Companion) -> RecipeError:

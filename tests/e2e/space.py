@@ -90,7 +90,7 @@ class Space:
             text=True,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
-            preexec_fn=hear_interrupts,
+            preexec_fn=hear_interrupts(),
             **options,  # type: ignore[call-overload]
         )
 

@@ -58,7 +58,7 @@ def start(space: Space, *words: str) -> tuple[subprocess.Popen[str], Path]:
         env=space.environment(TMPDIR=str(space.root / "tmp")),
         text=True,
         stderr=subprocess.DEVNULL,
-        preexec_fn=hear_interrupts,
+        preexec_fn=hear_interrupts(),
     )
     while True:
         assert process.poll() is None

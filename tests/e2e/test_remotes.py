@@ -227,7 +227,7 @@ def test_an_interrupt_does_not_wait_for_uploads(space: Space) -> None:
         env=space.environment(DXB_REMOTES=f"{Dripping().url}:w"),
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=hear_interrupts,
+        preexec_fn=hear_interrupts(),
     )
     assert build.stderr is not None
     lines = []

@@ -47,7 +47,7 @@ def start(store: Path) -> tuple[subprocess.Popen[str], list[int]]:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=hear_interrupts,
+        preexec_fn=hear_interrupts(),
     )
     assert child.stdout is not None
     line = child.stdout.readline()  # printed just before the task is handed over

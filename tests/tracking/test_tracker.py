@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -136,14 +137,19 @@ def around(time: float) -> np.ndarray:
     return transforms.rigid(np.eye(3), np.array([-0.25 + 0.26 * share, -0.15, 0.10 + lifted(time)[2, 3]])) @ turn
 
 
+@cache
+def carried_box() -> tuple[Sequence, list[RgbdFrame]]:
+    made = sequence(lifted, 1.4, hand=Actor({"base": things.hand()}, around, tracked=False))
+    return made, [frame for frame, _ in frames(made)]
+
+
 @pytest.mark.parametrize("knows", [True, False])
 def test_what_a_hand_carries_is_where_the_hand_is(knows):
-    hand = Actor({"base": things.hand()}, around, tracked=False)
-    made = sequence(lifted, 1.4, hand=hand)
+    made, film = carried_box()
     tracker = Tracker({"box": made.actors["box"].model()}, K)
     tracker.start({"box": truth(made, 0.0)})
     before_it = transforms.invert(made.camera(0.0))
-    for frame, _ in frames(made):
+    for frame in film:
         way = around(frame.stamp) @ transforms.invert(around(max(frame.stamp - 0.1, 0.0)))
         carried = {"box": before_it @ way @ transforms.invert(before_it)} if frame.stamp > 0.6 else None
         found = tracker.step(frame.rgb, frame.depth, frame.stamp, moved=np.eye(4), carried=carried if knows else None)

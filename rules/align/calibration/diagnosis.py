@@ -24,6 +24,8 @@ BETTER = 4.0
 """Factor by which undoing a mistake must reduce the residual for the mistake to be reported."""
 EXPLAINED_PX = 10.0
 """Greatest residual that is left then [px]; a correction that leaves more does not explain the pictures."""
+CERTAIN_PX = 1.0
+"""A correction that leaves no more [px] explains the pictures as well as any can, so no further one is tried."""
 LEAST_VIEWS = 4
 """Fewer views are explained by chance."""
 Euler: TypeAlias = Literal["xyz", "XYZ", "zyx", "ZYX"]
@@ -42,7 +44,11 @@ def explain(ctx: Context, views: list[View], setup: Setup, found: Checked, commo
     each = {view.name: hand_eye_refine.closing(view, setup, found.refined.solution) for view in found.views}
     distance, angle = np.sqrt((np.array(list(each.values())) ** 2).mean(axis=0))
     plain = _misfit(views, setup)
-    tried = {text: (_misfit(changed, other), hint) for text, changed, other, hint in _mistakes(views, setup)}
+    tried: dict[str, tuple[float, str]] = {}
+    for text, changed, other, hint in _mistakes(views, setup):
+        tried[text] = _misfit(changed, other), hint
+        if tried[text][0] < min(plain / BETTER, CERTAIN_PX):
+            break
     best = min(tried, key=lambda text: tried[text][0], default=None)
     named = best is not None and tried[best][0] < min(plain / BETTER, EXPLAINED_PX)
     worst = sorted(each, key=lambda name: -each[name][0])[:4]

@@ -19,7 +19,7 @@ from dextera_build.policy.observation import PICTURE, Frame, Measurement, deploy
 from dextera_build.testing import RuleRunner
 from tests import episodes
 from tests.policy.policies import load
-from tests.rules.learn.trainings import BUNDLE, Trainings, filmed, miss
+from tests.rules.learn.trainings import BUNDLE, FEW, Trainings, filmed, miss
 
 ACT = Trainings("learn.act", {"steps": 30, "width": 16, "heads": 2, "chunk": 5, "batch": 16, "held_out": 0.25})
 learn, interrupted = ACT.learn, ACT.interrupted
@@ -108,7 +108,7 @@ def test_privileged_quantities_full_of_nan_leave_the_weights_alone(tmp_path: Pat
         return episodes.observed(one.model_copy(update={"hand": hand}), contact=contact)
 
     poisoned = data.model_copy(update={"items": {name: poison(one) for name, one in data.items.items()}})
-    assert learn(tmp_path, poisoned).weights == learn(tmp_path, data).weights
+    assert learn(tmp_path, poisoned, **FEW).weights == learn(tmp_path, data, **FEW).weights
 
 
 def test_labels_are_what_was_meant_and_not_what_was_sent(tmp_path: Path) -> None:
@@ -116,23 +116,22 @@ def test_labels_are_what_was_meant_and_not_what_was_sent(tmp_path: Path) -> None
     noisy = {
         name: one.model_copy(update={"executed": one.executed + np.float32(0.1)}) for name, one in data.items.items()
     }
-    assert learn(tmp_path, data.model_copy(update={"items": noisy})).weights == learn(tmp_path, data).weights
+    learned = [learn(tmp_path, each, **FEW).weights for each in (data, data.model_copy(update={"items": noisy}))]
+    assert learned[0] == learned[1]
 
 
 def test_the_normalisation_comes_from_training_episodes_alone(tmp_path: Path) -> None:
     data = episodes.small(4)
     far = {name: episodes.observed(one, joints=one.joints + np.float32(5.0)) for name, one in data.items.items()}
-    plain = learn(tmp_path, data).contract.inputs[0]
-    means = [
-        learn(tmp_path, data.model_copy(update={"items": data.items | {name: far[name]}})).contract.inputs[0].mean
-        for name in data.items
-    ]
+    plain = learn(tmp_path, data, **FEW).contract.inputs[0]
+    changed = [data.model_copy(update={"items": data.items | {name: far[name]}}) for name in data.items]
+    means = [learn(tmp_path, each, **FEW).contract.inputs[0].mean for each in changed]
     assert sum(mean == plain.mean for mean in means) == 1, "one of four episodes is held out"
 
 
 def test_the_contract_says_all_that_it_was_trained_on(tmp_path: Path) -> None:
     data = episodes.small(4)
-    contract = learn(tmp_path, data, objects="all").contract
+    contract = learn(tmp_path, data, objects="all", **FEW).contract
     assert contract.task == "LiftBox"
     assert contract.embodiment == data.embodiment
     assert contract.rate_hz == data.rate_hz
@@ -143,11 +142,12 @@ def test_the_contract_says_all_that_it_was_trained_on(tmp_path: Path) -> None:
         ("displacement", ("case_lid_hinge",)),
         ("goal", ("rise",)),
     ]
-    assert contract.dataset != learn(tmp_path, episodes.small(5)).contract.dataset
+    assert contract.dataset != learn(tmp_path, episodes.small(5), **FEW).contract.dataset
 
 
 def test_it_looks_at_the_object_of_the_task_alone(tmp_path: Path) -> None:
-    named = {channel.name: channel.names for channel in learn(tmp_path, episodes.small(4)).contract.inputs}
+    contract = learn(tmp_path, episodes.small(4), **FEW).contract
+    named = {channel.name: channel.names for channel in contract.inputs}
     assert named == {"joints": ("joint_1", "joint_2", "joint_3"), "objects": ("box",), "goal": ("rise",)}
 
 
@@ -163,7 +163,7 @@ def test_it_learns_from_pictures(tmp_path: Path) -> None:
 def test_where_objects_are_is_told_in_training_alone(tmp_path: Path) -> None:
     """The tracked pose teaches a policy that looks to find the object; at run time it is not asked for."""
     data = episodes.small(4)
-    made = learn(tmp_path, data, inputs=("joints", "rgb"), film=filmed(data))
+    made = learn(tmp_path, data, inputs=("joints", "rgb"), film=filmed(data), **FEW)
     assert made.contract.settings["located"] == 9
     policy = load(made, BUNDLE, episodes.view(48, 32))
     joints, picture = data.items["0"].joints[0], np.zeros((32, 48, 3), np.uint8)
@@ -175,7 +175,7 @@ def test_where_objects_are_is_told_in_training_alone(tmp_path: Path) -> None:
 
 def test_the_stub_gives_a_checkpoint_of_the_same_form(tmp_path: Path) -> None:
     data = episodes.small(4)
-    stub, real = learn(tmp_path, data, backend="stub"), learn(tmp_path, data)
+    stub, real = (learn(tmp_path, data, backend=backend, **FEW) for backend in ("stub", "torch"))
     assert stub.contract == real.contract
     assert stub.curve_name == real.curve_name
     with pytest.raises(RuleError, match="the weights do not fit the network"):

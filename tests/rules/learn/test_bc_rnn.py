@@ -18,7 +18,7 @@ from dextera_build.learning.samples import Batch
 from dextera_build.policy.observation import PICTURE, Frame, Measurement, deployable
 from tests import episodes
 from tests.policy.policies import load, runner
-from tests.rules.learn.trainings import BUNDLE, Trainings, filmed, miss
+from tests.rules.learn.trainings import BUNDLE, FEW, Trainings, filmed, miss
 
 SEEN = {"inputs": ("objects",), "steps": 150, "batch": 32, "rate": 1e-2, "warm_up": 10, "held_out": 0.0}
 RNN = Trainings("learn.bc_rnn", SEEN | {"hidden": 24, "layers": 1, "least_std": 0.2})
@@ -203,7 +203,7 @@ def test_it_learns_from_pictures(tmp_path: Path) -> None:
 
 def test_the_stub_gives_a_checkpoint_of_the_same_form(tmp_path: Path) -> None:
     data = episodes.small(4)
-    stub, real = learn(tmp_path, data, backend="stub"), learn(tmp_path, data)
+    stub, real = (learn(tmp_path, data, backend=backend, **FEW) for backend in ("stub", "torch"))
     assert stub.contract == real.contract
     assert stub.curve_name == real.curve_name == "negative log-likelihood"
     with pytest.raises(RuleError, match="the weights do not fit the network"):
