@@ -174,7 +174,7 @@ CASES: dict[str, tuple[Callable[[], Files], str]] = {
     ),
     "object cut by the lower border": (
         lambda: capture(rgb=lambda p: p[:119], depth=lambda c: c[:119], height=119),
-        "the border of the picture cuts a raised region",
+        "the border of the picture cuts the thing found there",
     ),
     "not registered": (
         lambda: capture(depth=lambda c: np.roll(c, 30, 1), step=1),

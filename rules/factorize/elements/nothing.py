@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from dextera_build.artifacts.objects.object import Element
-from dextera_build.geometry import planes, regions, upright
+from dextera_build.geometry import planes, regions
 
 from ..measured import Workspace
 from ..overlap import box_of
@@ -39,12 +39,6 @@ def causes(seen: Workspace, static: tuple[Element, ...]) -> Iterator[Cause]:
     raised, outline = int((heights.raised & heights.over).sum()), seen.over_support()[0]
     yield from _unit(seen)
     cut = [element.name for element in static if element.box and _at_border(element.box, seen.depth.shape)]
-    beyond = None if cut or raised >= FEW else _largest(_in_front(heights.raised & ~heights.over, seen.turns))
-    if beyond is not None:
-        yield (
-            f"the border of the picture cuts a raised region, {beyond}, and the support beneath it",
-            "turn or move the camera so that every object and the support beneath it are whole in the picture",
-        )
     if cut:
         things = "the thing" if len(cut) == 1 else f"{len(cut)} things"
         yield (
@@ -96,13 +90,6 @@ def _unit(seen: Workspace) -> Iterator[Cause]:
             f"the support is {height:.1f} m below the camera, where noise hides lower things",
             "check `depth_scale_m` in `capture.json`, or capture the table from 0.4 to 1.5 m",
         )
-
-
-def _in_front(mask: np.ndarray, turns: int) -> np.ndarray:
-    """The connected regions of a mask (H, W) bool that touch the lower border of the upright picture."""
-    labels, _ = regions.label(mask)
-    lowest = np.unique(upright.turned(labels, turns)[-1])
-    return np.isin(labels, lowest[lowest > 0])
 
 
 def _largest(mask: np.ndarray) -> str | None:

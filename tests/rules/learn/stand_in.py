@@ -12,14 +12,6 @@ LEROBOT = {
     "lerobot/datasets/lerobot_dataset.py": 'CODEBASE_VERSION = "v3.0"\n',
     "lerobot/policies/act/configuration_act.py": '@PreTrainedConfig.register_subclass("act")\nclass ACTConfig: ...\n',
     "lerobot/policies/pi05/configuration_pi05.py": '@PreTrainedConfig.register_subclass("pi05")\nclass C: ...\n',
-    "pandas.py": """
-class Read:
-    index = ["lift box"]
-
-def read_parquet(path):
-    assert path.is_file()
-    return Read
-""",
     "lerobot/scripts/lerobot_train.py": """
 import json, os, sys, time
 from pathlib import Path

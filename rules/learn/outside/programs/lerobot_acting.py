@@ -24,7 +24,7 @@ def act(request: Any) -> Any:
         torch.manual_seed(given["seed"])
     seen: dict[str, Any] = {}
     for name, value in given["observation"].parts.items():
-        array = torch.from_numpy(np.load(value.path))
+        array = torch.from_numpy(np.load(value.path, allow_pickle=False))
         if array.dtype == torch.uint8:
             array = array.permute(2, 0, 1).float() / 255.0
         seen[name] = array[None].to(request.device)

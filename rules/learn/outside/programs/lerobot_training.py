@@ -225,9 +225,11 @@ def _instruction(data: Path) -> str:
     lines = data / "meta" / "tasks.jsonl"
     if lines.is_file():
         return str(json.loads(lines.read_text().splitlines()[0])["task"])
-    import pandas  # type: ignore[import-untyped]
+    from pyarrow import parquet
 
-    return str(pandas.read_parquet(data / "meta" / "tasks.parquet").index[0])
+    table = parquet.read_table(data / "meta" / "tasks.parquet")
+    (words,) = (name for name in table.column_names if name != "task_index")
+    return str(table[words][0].as_py())
 
 
 if __name__ == "__main__":
