@@ -19,8 +19,8 @@ surfaces, where few pixels agree with their neighbours: bodies had 0.83 to 1.0 i
 INSIDE_PX = 3
 """Distance from the outline, along which depth is never trusted, from which pixels are counted [px]. Nearer ones are a
 third of a small body: bodies of 25 px had 0.63 to 0.86 one pixel inside."""
-LEAST_INSIDE = 100
-"""With fewer pixels inside, those nearer to the outline are counted too."""
+LEAST_INSIDE = 250
+"""With fewer pixels inside, as in a strip, those nearer to the outline are counted too."""
 GRAZING = 0.35
 """Median cosine between normals and line of sight below which a region is a smear; bodies had 0.45 to 0.98."""
 

@@ -46,7 +46,7 @@ def test_a_smear_stays_in_the_background_with_a_warning(tmp_path):
 
 def test_a_body_of_few_pixels_is_no_smear(tmp_path):
     # Along the outline, where depth is smeared and never trusted, lies a third of its pixels.
-    small = tabletops.cylinder(0.025, 0.06, (0.8, 0.2, 0.2))
+    small = tabletops.cylinder(0.03, 0.065, (0.8, 0.2, 0.2))
     lens = Camera(width=320, height=240, fx=290.0, fy=290.0, cx=158.0, cy=121.5)
     photo = tabletops.tabletop((small, factories.pose()), lens=lens).capture
     assert photo.measured is not None
