@@ -95,7 +95,7 @@ class RosCell:
         self.interventions = 0
         """Number of control periods in which the guard changed a target."""
         self.state = Stream(topics.joints.name)
-        self.objects = {name: Stream(f"{topics.objects.name} of {name}") for name in bundle.objects}
+        self.objects = {name: Stream(topics.objects.name, of=name) for name in bundle.objects}
         self.displacement = Stream(topics.displacement.name)
         self.pictures = {camera: Stream(topic.name, depth=4) for camera, topic in topics.pictures.items()}
         self._needed = set(needed) & {"objects", "displacement", "rgb"}
@@ -110,7 +110,7 @@ class RosCell:
             Stopped: A topic stays silent, or what it says cannot be used.
         """
         end = self._transport.clock() + round(limit_s * SECOND)
-        while silent := [each.topic for each in self.needed_streams() if each.last is None and not each.fault]:
+        while silent := [each.name for each in self.needed_streams() if each.last is None and not each.fault]:
             if self._transport.clock() > end:
                 raise self._guard.stop(f"nothing arrived on {listing(silent)} in {limit_s:g} s")
             self._sleep(STEP_S)
@@ -147,7 +147,7 @@ class RosCell:
         stamps = [joints.stamp, *(each.stamp for each in shown.values() if each is not None)]
         skew = (max(stamps) - min(stamps)) / SECOND
         if skew > self.safety.skew_s:
-            raise self._stop(f"pictures and joint states are {skew:.3f} s apart, more than {self.safety.skew_s:g} s")
+            raise self.stop(f"pictures and joint states are {skew:.3f} s apart, more than {self.safety.skew_s:g} s")
         self._anchor, self._measured = joints, self._transport.clock()
         seen = {name: Frame(rgb=self._picture(name, each)) for name, each in shown.items() if each is not None}
         return Measurement(np.array(joints.value), self._poses(), self._displacement(), {**seen, **(frames or {})})
@@ -161,7 +161,7 @@ class RosCell:
         self._check()
         now = self._transport.clock()
         if (answer_s := (now - self._measured) / SECOND) > self.safety.answer_s:
-            raise self._stop(f"the policy answered after {answer_s:.2f} s, later than {self.safety.answer_s:g} s")
+            raise self.stop(f"the policy answered after {answer_s:.2f} s, later than {self.safety.answer_s:g} s")
         seen = [each.silent_s(now) for each in self.needed_streams() if each is not self.state]
         try:
             sent = self._guard.passed(targets, np.zeros((0, 3)), max(seen, default=0.0))
@@ -180,8 +180,10 @@ class RosCell:
         return sent
 
     def stop(self, why: str) -> Stopped:
-        """Stop for a reason from outside, such as the operator; returns what to raise."""
-        return self._stop(why)
+        """Stop, here or for a reason from outside, such as the operator; returns what to raise."""
+        stopped = self._guard.stop(why)
+        self._say(stopped.message)
+        return stopped
 
     def tell(self, words: str) -> None:
         """Publish what the run does, for the robot and its operators."""
@@ -244,12 +246,7 @@ class RosCell:
         if not why and (late_s := self.state.late_s()) > self.safety.late_s:
             why = f"joint states arrive {late_s:.2f} s late, more than {self.safety.late_s:g} s"
         if why:
-            raise self._stop(why)
-
-    def _stop(self, why: str) -> Stopped:
-        stopped = self._guard.stop(why)
-        self._say(stopped.message)
-        return stopped
+            raise self.stop(why)
 
     def _intervened(self, wanted: np.ndarray, sent: np.ndarray) -> None:
         """Record the requested targets, and which of them the guard changed."""

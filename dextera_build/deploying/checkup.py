@@ -53,7 +53,7 @@ def checkup(
     """
     sleep(listen_s)
     others = transport.others()
-    needed = {stream.topic.partition(" of ")[0] for stream in cell.needed_streams()}
+    needed = {stream.topic for stream in cell.needed_streams()}
     found = [check for topic in topics.measured() if topic.name in needed for check in _published(topic, others)]
     found += [check for controller in topics.controllers for check in _read(controller.topic, others)]
     found += [check for stream in cell.needed_streams() for check in _arrives(stream)]
@@ -120,16 +120,16 @@ def _arrives(stream: Stream) -> Iterator[Check]:
     """Whether usable messages arrive, and fast enough."""
     if stream.fault:
         mend = "correct `joints` of the robot's `simulate.ros_names`" if "lacks" in stream.fault else "see the driver"
-        yield Check(f"{stream.topic} arrives", False, stream.fault, mend)
+        yield Check(f"{stream.name} arrives", False, stream.fault, mend)
     elif stream.last is None:
         yield Check(
-            f"{stream.topic} arrives",
+            f"{stream.name} arrives",
             False,
             "no message",
             "allow UDP ports 7400 to 7500 in both firewalls; compare ROS_DOMAIN_ID and `--domain`",
         )
     else:
-        yield Check(f"{stream.topic} arrives", True, f"{stream.count} messages, {stream.rate_hz():.1f} Hz")
+        yield Check(f"{stream.name} arrives", True, f"{stream.count} messages, {stream.rate_hz():.1f} Hz")
 
 
 def _clock(state: Stream, least_hz: float) -> Iterator[Check]:

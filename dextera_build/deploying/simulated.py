@@ -1,7 +1,7 @@
 """A simulated world behind the topics of a robot: joint states, pictures, poses of objects, commands, and faults.
 
-It stands for a robot where there is none. Its encoders, clock and network are those of a program; what only hardware
-does, such as a brake, a protective stop or a loose cable, it does not do.
+It replaces a robot where none is available. Encoders, clock and network are simulated; effects of hardware, such as
+brakes, protective stops and loose cables, are not.
 """
 
 from __future__ import annotations

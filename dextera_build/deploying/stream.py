@@ -34,12 +34,15 @@ class Stream:
     arrival and stamp so far: the difference of both clocks plus the shortest delay, which cannot be told apart.
 
     Args:
-        topic: Its name, for messages.
+        topic: Its name.
         depth: Number of measurements that are kept.
+        of: The object that is measured, if the topic has several.
     """
 
-    def __init__(self, topic: str, depth: int = KEPT) -> None:
+    def __init__(self, topic: str, depth: int = KEPT, of: str = "") -> None:
         self.topic = topic
+        self.name = f"{topic} of {of}" if of else topic
+        """What it is called in messages."""
         self.fault = ""
         """Why it must not be used any more; empty if it may be."""
         self.count = 0
@@ -55,7 +58,7 @@ class Stream:
             self.count += 1
             difference = sample.arrived - sample.stamp
             if self._offset is not None and (jump := self._jump(sample, self._offset)):
-                self.fault = self.fault or f"the stamps of `{self.topic}` jumped by {jump / SECOND:+.2f} s"
+                self.fault = self.fault or f"the stamps of `{self.name}` jumped by {jump / SECOND:+.2f} s"
                 return
             self._offset = difference if self._offset is None else min(self._offset, difference)
             if self._samples and sample.stamp < self._samples[-1].stamp:
@@ -72,7 +75,7 @@ class Stream:
 
     def broken(self, why: str) -> None:
         """Note a message that cannot be used."""
-        self.fault = self.fault or f"a message of `{self.topic}` cannot be used: {why}"
+        self.fault = self.fault or f"a message of `{self.name}` cannot be used: {why}"
 
     @property
     def last(self) -> Sample | None:

@@ -7,12 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.deploying.topics import Commanded, Topics
+from dextera_build.deploying.topics import COMMAND_KINDS, Commanded, Topics
 from dextera_build.errors import listing
 from dextera_build.formats.ros import hashes, messages
 from dextera_build.formats.ros.reading import SECOND
-
-JOINT_STATE = "sensor_msgs/JointState"
 
 
 class UnusableError(ValueError):
@@ -74,7 +72,7 @@ class Joints:
         """The command of one controller, from targets (A,) of all joints, to be reached after `reach` ns."""
         rows = [self._joints.index(joint) for joint in controller.joints]
         names, values = [self._named[row] for row in rows], (targets * self._sign)[rows]
-        if controller.topic.kind == "std_msgs/Float64MultiArray":
+        if controller.topic.kind == COMMAND_KINDS["forward"]:
             return messages.numbers(names, values)
         return messages.joint_trajectory(stamp, names, values, reach)
 
@@ -86,7 +84,7 @@ class Joints:
         """
         read = unpacked(controller.topic.kind, message)
         named = {self._named[self._joints.index(joint)]: joint for joint in controller.joints}
-        if controller.topic.kind == "std_msgs/Float64MultiArray":
+        if controller.topic.kind == COMMAND_KINDS["forward"]:
             names, values, reach, stamp = list(named), read.data, 0.0, 0
         else:
             point = read.points[-1]

@@ -62,29 +62,24 @@ class Outside:
         self.program.check(self.key)
         running = self._running(tuple(weights.values()), device)
         try:
-            folder = running.exchange()
-            request = folder / messages.REQUEST
             plain = options.model_dump(mode="json")
-            messages.write(
-                messages.Request(
-                    protocol=messages.PROTOCOL,
-                    rule=self.rule,
-                    backend=self.backend,
-                    function=function,
-                    inputs={name: exchange.write(value, request, name) for name, value in inputs.items()},
-                    options=plain,
-                    weights={name: str(path) for name, path in weights.items()},
-                    device=device,
-                    seed=plain["seed"] if isinstance(plain.get("seed"), int) else 0,
-                ),
-                request,
+            folder = exchanged(
+                running,
+                inputs,
+                emit,
+                rule=self.rule,
+                backend=self.backend,
+                function=function,
+                options=plain,
+                weights={name: str(path) for name, path in weights.items()},
+                device=device,
+                seed=plain["seed"] if isinstance(plain.get("seed"), int) else 0,
             )
-            running.ask(folder, emit)
             self.program.check(self.key)
             # The result may refer to files of the response until it is stored.
             kept = Path(shutil.move(folder / messages.RESPONSE, _free(scratch())))
             shutil.rmtree(folder, ignore_errors=True)
-            answer = self._answer(kept, returns)
+            answer = answered(kept, returns, f"backend `{self.backend}` of {self.rule}")
         except BaseException as error:
             # A server that refuses is well; one that failed, or answers something else, may be out of step.
             if not (running.server and isinstance(error, RuleError) and error.code == "DXB-B378"):
@@ -115,23 +110,50 @@ class Outside:
         key = (self.rule, self.backend, tuple(sorted(self.key.items())), folders, device, self.program)
         return servers.kept(key, start)
 
-    def _answer(self, folder: Path, returns: Any) -> tuple[Any, str, dict[str, tuple[float, str]]]:
-        found = messages.read(folder)
-        if isinstance(found, messages.Refused):
-            raise RuleError(found.message, code="DXB-B378", hint=found.hint or None, facts={"said by": self._name})
-        try:
-            return exchange.read(found.output, returns, folder), found.line, dict(found.metrics)
-        except ArtifactError as error:
-            raise RuleError(
-                f"the answer of {self._name} cannot be used: {error.message}",
-                code="DXB-B376",
-                facts=error.facts,
-                hint=error.hint or "docs/outside.md describes the form of every value",
-            ) from None
 
-    @property
-    def _name(self) -> str:
-        return f"backend `{self.backend}` of {self.rule}"
+def exchanged(running: Running, inputs: Mapping[str, Any], emit: Emit, **request: Any) -> Path:
+    """Ask a running program; the folder of the request, in which it has put its response.
+
+    Args:
+        running: The program.
+        inputs: Inputs of the function.
+        emit: Takes what the program tells while it works.
+        request: Other fields of `messages.Request`.
+
+    Raises:
+        RuleError: It failed or exceeded a limit.
+    """
+    folder = running.exchange()
+    at = folder / messages.REQUEST
+    written = {name: exchange.write(value, at, name) for name, value in inputs.items()}
+    messages.write(messages.Request(protocol=messages.PROTOCOL, inputs=written, **request), at)
+    running.ask(folder, emit)
+    return folder
+
+
+def answered(response: Path, returns: Any, name: str) -> tuple[Any, str, dict[str, tuple[float, str]]]:
+    """The output in the folder of a response, its line and its metrics.
+
+    Args:
+        response: The folder.
+        returns: Type of the output.
+        name: What the program is called in messages.
+
+    Raises:
+        RuleError: The program refused, or answered in another form.
+    """
+    found = messages.read(response)
+    if isinstance(found, messages.Refused):
+        raise RuleError(found.message, code="DXB-B378", hint=found.hint or None, facts={"said by": name})
+    try:
+        return exchange.read(found.output, returns, response), found.line, dict(found.metrics)
+    except ArtifactError as error:
+        raise RuleError(
+            f"the answer of {name} cannot be used: {error.message}",
+            code="DXB-B376",
+            facts=error.facts,
+            hint=error.hint or "docs/outside.md describes the form of every value",
+        ) from None
 
 
 def _free(scratch: Path) -> Path:

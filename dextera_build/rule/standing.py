@@ -6,11 +6,10 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from dextera_build.errors import RuleError
-from dextera_build.formats import exchange
 from dextera_build.outside import messages
 from dextera_build.outside.program import Program
 from dextera_build.outside.running import Limits
+from dextera_build.rule import outside
 
 _LIMITS = Limits(timeout_s=600.0, memory_gb=0.0, disk_gb=16.0, idle_s=86_400.0)
 """Of one answer; the first may load a model."""
@@ -52,26 +51,12 @@ class StandingProgram:
         Raises:
             RuleError: It refused, failed, exceeded a limit, or answered in another form.
         """
-        folder = self._running.exchange()
-        request, response = folder / messages.REQUEST, folder / messages.RESPONSE
+        name = self._name
+        folder = outside.exchanged(
+            self._running, inputs, lambda kind, data: None, rule=name, backend=name, function=function
+        )
         try:
-            messages.write(
-                messages.Request(
-                    protocol=messages.PROTOCOL,
-                    rule=self._name,
-                    backend=self._name,
-                    function=function,
-                    inputs={name: exchange.write(value, request, name) for name, value in inputs.items()},
-                ),
-                request,
-            )
-            self._running.ask(folder, lambda kind, data: None)
-            answer = messages.read(response)
-            if isinstance(answer, messages.Refused):
-                raise RuleError(
-                    answer.message, code="DXB-B378", hint=answer.hint or None, facts={"said by": self._name}
-                )
-            return exchange.read(answer.output, returns, response)
+            return outside.answered(folder / messages.RESPONSE, returns, name)[0]
         finally:
             shutil.rmtree(folder, ignore_errors=True)
 

@@ -103,13 +103,15 @@ def _simulate(args: argparse.Namespace) -> int:
 
 def _ticking(robot: SimulatedRobot, seconds: float) -> int:
     """Advance the robot in real time; returns how often this machine was too slow."""
+    from dextera_build.deploying.simulated import STATE_HZ
+
     ended: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.append(1))
     due, late, end = time.monotonic(), 0, time.monotonic() + seconds
     while not ended and time.monotonic() < end:
         robot.tick()
-        due += 0.01
+        due += 1.0 / STATE_HZ
         left = due - time.monotonic()
         if left > 0:
             time.sleep(left)

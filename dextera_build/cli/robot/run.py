@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from dextera_build.deploying.bag import Bag
     from dextera_build.deploying.cell import RosCell, Safety
     from dextera_build.deploying.driving import Drive
+    from dextera_build.deploying.transport import Transport
     from dextera_build.policy.running import Policy
 
 
@@ -98,7 +99,7 @@ def _policy(args: argparse.Namespace, here: Connected) -> tuple[Policy, str]:
     return made, session.output(node)
 
 
-def _refuse(args: argparse.Namespace, here: Connected, transport: object, cell: RosCell) -> None:
+def _refuse(args: argparse.Namespace, here: Connected, transport: Transport, cell: RosCell) -> None:
     """Check the robot.
 
     Raises:
@@ -107,7 +108,7 @@ def _refuse(args: argparse.Namespace, here: Connected, transport: object, cell: 
     from dextera_build.deploying.checkup import checkup
     from dextera_build.errors import MachineError
 
-    checks = checkup(transport, here.topics, cell, here.bundle.robot, time.sleep)  # type: ignore[arg-type]
+    checks = checkup(transport, here.topics, cell, here.bundle.robot, time.sleep)
     failed = [each for each in checks if not each.ok]
     if failed:
         raise MachineError(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -77,15 +78,19 @@ def clear_things(seen: Workspace, masks: Mapping[str, np.ndarray]) -> list[Clear
     for mask in scraps.values():
         own |= mask
     labels, count = regions.label(ndimage.binary_closing(np.pad(own, 6), np.ones((5, 5), bool))[6:-6, 6:-6])
-    found = []
+    likely = []
     for number in range(1, count + 1):
         mask = labels == number
         extent = float(np.ptp(places[mask], axis=0).max())
         if float(area[mask & odd].sum()) < LEAST_M2 or extent > LARGEST_M:
             continue
-        if not _is_thick(mask, area) or _ring(mask, taken) > BESIDE:
-            continue
-        if _outlined(seen, mask, odd | taken) > OUTLINED:
+        if _is_thick(mask, area) and _ring(mask, taken) <= BESIDE:
+            likely.append(mask)
+    if not likely:
+        return []
+    surface, found = _surface(seen), []
+    for mask in likely:
+        if _outlined(surface, mask, odd | taken) > OUTLINED:
             names = tuple(name for name, scrap in scraps.items() if (scrap & mask).sum() > 0.5 * scrap.sum())
             found.append(Clear(mask, float(odd[mask].mean()), names))
     return sorted(found, key=lambda thing: thing.box)
@@ -130,19 +135,37 @@ def _is_thick(mask: np.ndarray, area: np.ndarray) -> bool:
     return inside * float(np.sqrt(np.median(area[mask]))) > THICK_M
 
 
-def _outlined(seen: Workspace, mask: np.ndarray, not_support: np.ndarray) -> float:
+class _Surface(NamedTuple):
+    """The picture as it is compared with the support."""
+
+    bare: np.ndarray
+    """Pixels (H, W) bool over the support whose depth is that of the support, within the noise."""
+    lab: np.ndarray
+    """Colours (H, W, 3) [CIE Lab]."""
+    edge: np.ndarray
+    """Strength of edges (H, W)."""
+
+
+def _surface(seen: Workspace) -> _Surface:
+    from scipy import ndimage
+
+    level = np.abs(seen.world_points()[..., 2]) < least_height(seen.depth.astype(np.float64))
+    lab = proposals.colour_lab(seen.pixels)
+    smooth = ndimage.gaussian_filter(lab[..., 0], 1.0)
+    edge = np.hypot(ndimage.sobel(smooth, axis=0), ndimage.sobel(smooth, axis=1))
+    return _Surface(seen.over_support()[0] & level, lab, edge)
+
+
+def _outlined(surface: _Surface, mask: np.ndarray, not_support: np.ndarray) -> float:
     """Fraction of the pixels of a mask whose colour the support beside it lacks, or that are sharper than its edges."""
     from scipy import ndimage
     from scipy.spatial import cKDTree
 
     around = ndimage.binary_dilation(mask, iterations=AROUND_PX) & ~ndimage.binary_dilation(mask, iterations=RING_PX)
-    beside = around & ~not_support & seen.over_support()[0]
-    beside &= np.abs(seen.world_points()[..., 2]) < least_height(seen.depth.astype(np.float64))
+    beside = around & ~not_support & surface.bare
     if not beside.any():
         return 0.0
-    lab = proposals.colour_lab(seen.pixels)
-    smooth = ndimage.gaussian_filter(lab[..., 0], 1.0)
-    edge = np.hypot(ndimage.sobel(smooth, axis=0), ndimage.sobel(smooth, axis=1))
+    lab, edge = surface.lab, surface.edge
     samples = lab[beside][:: max(1, int(beside.sum()) // 2000)]
     unlike = cKDTree(samples).query(lab[mask])[0] > UNLIKE_LAB
     return float((unlike | (edge[mask] > 1.5 * np.quantile(edge[beside], EDGY))).mean())

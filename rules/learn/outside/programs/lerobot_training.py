@@ -46,7 +46,7 @@ def train(request: Any) -> Any:
         trainer.follow(NAME, command, progress.read, str(run.parent), **own)
     made = _last(run)
     if made is None or _step(made) < common.steps:
-        raise dxb_backend.Refused(f"{NAME} ended without its last checkpoint", "`dxb log` shows all that it printed")
+        raise dxb_backend.Refused(f"{NAME} ended without its last checkpoint", trainer.LOGGED)
     return _answer(request, made / "pretrained_model", data, progress.points())
 
 
@@ -207,7 +207,7 @@ def _answer(request: Any, policy: Path, data: Path, points: list[tuple[int, floa
     out = request.file("policy")
     out.mkdir()
     for path in sorted(policy.iterdir()):
-        # The trainer's settings hold folders of this run; `config.json` is all that a policy needs.
+        # The trainer's settings hold folders of this run; a policy needs `config.json` only.
         if path.suffix in _KEPT and path.name != "train_config.json":
             shutil.copyfile(path, out / path.name)
     if not (out / "model.safetensors").is_file():

@@ -135,7 +135,7 @@ def _answer(request: Any, keep: Path, base: Path, settings: dict[str, Any], poin
     runs = (keep / "checkpoints" / CONFIG / RUN).glob("*")
     done = sorted((path for path in runs if path.name.isdecimal()), key=lambda path: int(path.name))
     if not done or int(done[-1].name) < request.inputs["common"].steps - 1:
-        raise dxb_backend.Refused(f"{NAME} ended without its last checkpoint", "`dxb log` shows all that it printed")
+        raise dxb_backend.Refused(f"{NAME} ended without its last checkpoint", trainer.LOGGED)
     out = request.file("trained")
     out.mkdir()
     for part in ("params", "assets"):

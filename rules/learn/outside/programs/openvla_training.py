@@ -84,7 +84,7 @@ def _answer(request: Any, keep: Path, name: str, base: Path, points: list[tuple[
     adapters = list((keep / "adapters").glob("*/adapter_model.safetensors"))
     statistics = list((keep / "runs").glob("*/dataset_statistics.json"))
     if len(adapters) != 1 or len(statistics) != 1:
-        raise dxb_backend.Refused(f"{NAME} saved no adapters", "`dxb log` shows all that it printed")
+        raise dxb_backend.Refused(f"{NAME} saved no adapters", trainer.LOGGED)
     out = request.file("trained")
     out.mkdir()
     for path in (adapters[0], adapters[0].with_name("adapter_config.json"), statistics[0]):

@@ -25,6 +25,7 @@ _CAUSE = re.compile(r"^(\[rank\d+\]: ?)?[\w.]*(Error|Exception)\b")
 _MOST = 900
 """Longest message of a refusal."""
 MEMORY = ("out of memory", "outofmemory", "defaultcpuallocator", "resource_exhausted", "cannot allocate memory")
+LOGGED = "`dxb log` shows everything that it printed"
 SMALLER = "a smaller `batch`, a smaller network, adapters instead of all weights, or a larger GPU"
 
 
@@ -157,7 +158,7 @@ def _failed(name: str, code: int, last: list[str]) -> dxb_backend.Refused:
     if memory or code == -signal.SIGKILL:
         return dxb_backend.Refused(f"{name} ran out of memory: {(memory or ['it was killed'])[-1]}"[:_MOST], SMALLER)
     how = f"signal {-code}" if code < 0 else f"exit code {code}"
-    hint = "`dxb log` shows all that it printed"
+    hint = LOGGED
     if any("ModuleNotFoundError" in line for line in told):
         hint = f"install the package in the environment of {name}, and write its lock file again"
     said = "\n".join(line[:160] for line in told)
