@@ -160,8 +160,8 @@ $(VENV)/servers/.installed: $(VENV)/.created
 # torch brings, which goes first, so that a wheel which pip is configured to find locally is taken.
 $(VENV)/readers/%/.installed: .ci/readers/%.txt $(VENV)/.created
 	$(PYTHON) -m venv $(VENV)/readers/$*
-	sed -n '/^torch==/p' $< | xargs -r $(VENV)/readers/$*/bin/python -m pip install --quiet --no-compile --constraint $<
-	$(VENV)/readers/$*/bin/python -m pip install --quiet --no-compile --no-deps --requirement $<
+	sed -n '/^torch==/p' $< | xargs -r $(VENV)/readers/$*/bin/python -m pip install --quiet --constraint $<
+	$(VENV)/readers/$*/bin/python -m pip install --quiet --no-deps --requirement $<
 	@touch $@
 
 # Beside the environment, so that `make setup` need not fetch its 245 MB; what it asks for else is locked.
