@@ -183,6 +183,13 @@ def _parts(path: Path, suffix: str, folder: Path) -> Iterator[Part]:
             yield _part(made, vertices, slice(None, None, -1 if mirrors else 1), linear=suffix == ".glb")
 
 
+def _plane(uv: np.ndarray) -> np.ndarray:
+    """Coordinates (V, 2) in a picture; lines `vt u [v [w]]` of an OBJ have one to three values, and v is 0 by default."""
+    found = np.zeros((len(uv), 2))
+    found[:, : uv.shape[1]] = uv[:, :2]
+    return found
+
+
 def _part(made: Any, vertices: np.ndarray, order: slice, *, linear: bool) -> Part:
     """One mesh of trimesh; `order` of a face's corners."""
     faces = np.asarray(made.faces, np.int64)[:, order]
@@ -194,7 +201,7 @@ def _part(made: Any, vertices: np.ndarray, order: slice, *, linear: bool) -> Par
     visual = made.visual
     if visual.kind == "texture":
         picture, colour = _material(visual.material)
-        uv = None if visual.uv is None else np.asarray(visual.uv, np.float64)[faces]
+        uv = None if visual.uv is None else _plane(np.asarray(visual.uv, np.float64))[faces]
         return Part(vertices, faces, colour, uv, picture)
     if visual.kind not in ("vertex", "face"):
         return Part(vertices, faces)

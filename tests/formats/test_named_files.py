@@ -44,6 +44,21 @@ def test_pictures_lie_beside_the_library_that_names_them(tmp_path, library, pict
 
 
 @pytest.mark.parametrize(
+    ("lines", "expected"),
+    [
+        ("vt 0 0 0\nvt 1 0 0.5\nvt 0 1 0\n", [[0, 0], [1, 0], [0, 1]]),
+        ("vt 0\nvt 1\nvt 0.5\n", [[0, 0], [1, 0], [0.5, 0]]),
+    ],
+)
+def test_texture_coordinates_of_an_obj_have_one_to_three_values(tmp_path, lines, expected):
+    path = textured(tmp_path, "a.mtl", "a.png")
+    path.write_text(path.read_text().replace("vt 0 0\nvt 1 0\nvt 0 1\n", lines))
+    read = mesh_files.load(path)
+    assert read.uv is not None
+    assert read.uv[0].tolist() == expected
+
+
+@pytest.mark.parametrize(
     ("library", "picture"),
     [
         ("../a.mtl", "a.png"),
