@@ -184,7 +184,7 @@ def _parts(path: Path, suffix: str, folder: Path) -> Iterator[Part]:
 
 
 def _plane(uv: np.ndarray) -> np.ndarray:
-    """Coordinates (V, 2) in a picture; lines `vt u [v [w]]` of an OBJ have one to three values, and v is 0 by default."""
+    """Coordinates (V, 2) in a picture, from lines `vt u [v [w]]` of an OBJ, where v is 0 by default."""
     found = np.zeros((len(uv), 2))
     found[:, : uv.shape[1]] = uv[:, :2]
     return found
