@@ -41,7 +41,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print one line per finding, then how many each step mends; return 4 if something that the profile needs is missing."""
+    """Print one line per finding, then the number that each step mends; return 4 if something is missing."""
     project = options.project(args)
     findings = [*_python(), *_store(project), *_libraries(), *_backends(project, args.self_test), *_rendering()]
     rows = [dict(zip(("what", "ok", "found", "mend"), finding, strict=True)) for finding in findings]
