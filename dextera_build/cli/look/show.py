@@ -64,7 +64,8 @@ def run(args: argparse.Namespace) -> int:
     if _is_rule(project, args.target):
         from dextera_build.explain import rule_card
 
-        return table.give(rule_card.rows(project.library, project.library.find(args.target)), as_json=args.json)
+        card = rule_card.rows(project.library, project.library.find(args.target))
+        return table.give(card, as_json=args.json, narrow=rule_card.narrow(card))
     if is_call(args.target):
         rows = show(project, args.target)
     else:

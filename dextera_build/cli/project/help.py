@@ -67,7 +67,8 @@ def _rule(name: str) -> int:
             code="DXB-U196",
             hint=did_you_mean(name, [*VERBS, *rules], "`dxb help {}`") or "`dxb ls rules` lists rules",
         )
-    table.show(rule_card.rows(library, rules[name]))
+    card = rule_card.rows(library, rules[name])
+    table.show(card, rule_card.narrow(card))
     return 0
 
 
