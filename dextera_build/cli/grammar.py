@@ -14,6 +14,10 @@ from dextera_build.errors import UsageError, did_you_mean
 _FOOT = "`dxb help VERB`, `dxb help CODE` and `dxb help RULE` say more; verbs that print results take `--json`."
 
 
+_INSTEAD = {("build", "--json"): "`dxb build --console jsonl` prints each event as JSON"}
+"""Verb and flag that it lacks -> what to write."""
+
+
 class _Parser(argparse.ArgumentParser):
     """A parser that raises `UsageError` for wrong arguments."""
 
@@ -66,7 +70,9 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         flag = next((word.partition("=")[0] for word in rest if word.startswith("-")), None)
         if flag is None:
             raise UsageError(f"`{rest[0]}` is an unexpected argument", code="DXB-U101", hint=f"`dxb {verb} --help`")
-        hint = did_you_mean(flag, known) or f"`dxb {verb} --help` lists its arguments"
+        names = {each.lstrip("-"): each for each in known}
+        near = did_you_mean(flag.lstrip("-"), names, "`--{}`")
+        hint = _INSTEAD.get((verb, flag)) or near or f"`dxb {verb} --help` lists its arguments"
         raise UsageError(f"`dxb {verb}` has no flag `{flag}`", code="DXB-U101", hint=hint)
     return args
 

@@ -33,7 +33,7 @@ def give(
     rows: Any,
     *,
     as_json: bool,
-    cells: Sequence[Mapping[str, str]] | None = None,
+    cells: Sequence[Mapping[str, Any]] | None = None,
     narrow: Sequence[Mapping[str, str]] | None = None,
 ) -> int:
     """Print rows as JSON, or `cells` (default: the rows) as a table; return the exit code. `narrow`: see `show`."""
@@ -44,16 +44,17 @@ def give(
     return 0
 
 
-def show(rows: Sequence[Mapping[str, str]], narrow: Sequence[Mapping[str, str]] | None = None) -> None:
+def show(rows: Sequence[Mapping[str, Any]], narrow: Sequence[Mapping[str, str]] | None = None) -> None:
     """Print rows, all with the same columns.
 
     Args:
-        rows: The rows; a pipe gets their cells, separated by tabs.
+        rows: The rows; a pipe gets their cells, separated by tabs. Numbers have one decimal, None is `-`.
         narrow: The same in fewer columns, for a terminal that is too narrow for `rows`; text that is still too long
             wraps within its column.
     """
     if not rows:
         return
+    rows = [{name: _text(value) for name, value in row.items()} for row in rows]
     if not sys.stdout.isatty():
         print("\n".join("\t".join(row.values()) for row in rows))
         return
@@ -64,6 +65,10 @@ def show(rows: Sequence[Mapping[str, str]], narrow: Sequence[Mapping[str, str]] 
         _wrapped(narrow or rows, room)
     else:
         _stacked(rows, room)
+
+
+def _text(value: Any) -> str:
+    return "-" if value is None else f"{value:.1f}" if isinstance(value, float) else str(value)
 
 
 def _heading(name: str) -> str:
