@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import struct
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +35,7 @@ def test_splat_holds_32_bytes_each_and_the_largest_come_first(tmp_path: Path) ->
     assert len(data) == 50 * 32
     rows = [struct.unpack("<6f8B", data[start : start + 32]) for start in range(0, len(data), 32)]
     sizes = [row[3] * row[4] * row[5] * row[9] for row in rows]
-    assert all(one >= other * 0.98 for one, other in zip(sizes, sizes[1:], strict=False))
+    assert all(one >= other * 0.98 for one, other in pairwise(sizes))
     for row in rows:
         number = int(np.argmin(np.linalg.norm(made.means - np.array(row[:3]), axis=1)))
         assert np.allclose(row[3:6], made.scales[number])
