@@ -9,7 +9,7 @@ from typing import NoReturn
 
 from dextera_build import __version__
 from dextera_build.cli.verbs import GROUPS, MODULES, MOVED, VERBS
-from dextera_build.errors import UsageError, did_you_mean
+from dextera_build.errors import UsageError, did_you_mean, nearest
 
 _FOOT = "`dxb help VERB`, `dxb help CODE` and `dxb help RULE` say more; verbs that print results take `--json`."
 
@@ -71,8 +71,9 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         if flag is None:
             raise UsageError(f"`{rest[0]}` is an unexpected argument", code="DXB-U101", hint=f"`dxb {verb} --help`")
         names = {each.lstrip("-"): each for each in known}
-        near = did_you_mean(flag.lstrip("-"), names, "`--{}`")
-        hint = _INSTEAD.get((verb, flag)) or near or f"`dxb {verb} --help` lists its arguments"
+        near = nearest(flag.lstrip("-"), names, 1, cutoff=0.6)
+        hint = f"did you mean `{names[near[0]]}`?" if near else f"`dxb {verb} --help` lists its arguments"
+        hint = _INSTEAD.get((verb, flag), hint)
         raise UsageError(f"`dxb {verb}` has no flag `{flag}`", code="DXB-U101", hint=hint)
     return args
 
