@@ -162,11 +162,23 @@ def install_extra(extra: str) -> str:
 
 
 def did_you_mean(name: str, known: Iterable[str], form: str = "`{}`") -> str | None:
-    """The hint for an unknown name, or None if no known name is similar."""
+    """The hint for an unknown name, or None if no known name is similar.
+
+    A name that ends in the unknown one is the nearest: `factorize.mesh` for `mesh`.
+    """
+    near = nearest(name, known, 1, cutoff=0.6)
+    return f"did you mean {form.format(near[0])}?" if near else None
+
+
+def nearest(name: str, known: Iterable[str], most: int, cutoff: float = 0.0) -> list[str]:
+    """The names that are most like an unknown one, the most similar first."""
     import difflib  # slow to import, and only errors need it
 
-    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
-    return f"did you mean {form.format(near[0])}?" if near else None
+    names = list(known)
+    ending = [each for each in names if each.endswith((f".{name}", f"/{name}"))]
+    return [*ending, *difflib.get_close_matches(name, [each for each in names if each not in ending], most, cutoff)][
+        :most
+    ]
 
 
 def listing(names: Iterable[str], most: int = 12) -> str:

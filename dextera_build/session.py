@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -61,7 +61,7 @@ class Session:
         makes: Whether the verb builds, so that a missing store is created.
         last: If the request adds nothing, no flag sets a profile, and it was never built, answer for the last request
             that was built successfully, with a line in `notices`; a profile set in the environment must match it.
-        node: The node that is read; "" if the whole recipe is.
+        node: The node that is read, perhaps with fields behind it; "" if the whole recipe is.
         names: Bindings to use instead of those of `dxb.lock`.
     """
 
@@ -121,7 +121,7 @@ class Session:
     def _is_answered_by(self, last: str, own: str) -> bool:
         """Whether the request built last has the results to read, and the own one does not."""
         for variant in (own, last):
-            if self._node and self._node in self._past(variant).all():
+            if node_among(self._past(variant).all(), self._node):
                 return variant == last
         built = self.store.state.some(_BUILT, [self._name_of(own), self._name_of(last)])
         return self._name_of(own) not in built and self._name_of(last) in built
@@ -291,6 +291,13 @@ class Session:
 
         loaded: dict[str, Any] = json.loads(self.store.blobs.get(self.past(node).key_document))
         return loaded
+
+
+def node_among(known: Container[str], address: str) -> str:
+    """The longest beginning of an address that is a known node, `body[mug].mesh` of `body[mug].mesh.mesh`; else ""."""
+    while address and address not in known:
+        address = address.rpartition(".")[0]
+    return address
 
 
 def variant_of(profile: str, added: Added) -> str:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from dextera_build.artifacts.base import Artifact, File
+from dextera_build.artifacts.base import Artifact, File, Folder
 from dextera_build.errors import UsageError, listing
+from dextera_build.formats import stage_files
 from dextera_build.formats.registry import suffixes
 
 
@@ -19,6 +21,8 @@ def write(artifact: Artifact, path: Path) -> list[Path]:
     if isinstance(artifact, File):  # holds bytes, which have the format that they have
         return artifact.export(path.parent, path.name)
     suffix, level = path.suffix.lower(), [artifact]
+    if isinstance(artifact, Folder) and suffix == ".usdz" and (stages := _stages(artifact)):
+        return _package(artifact, stages[0], path)
     forms: dict[str, None] = {}
     while level:
         found = [part for part in level if suffix in suffixes(type(part))]
@@ -30,6 +34,19 @@ def write(artifact: Artifact, path: Path) -> list[Path]:
         # A part of a type with its own format, such as a mesh's texture, is in that file.
         level = [part for whole in level if not suffixes(type(whole)) for part in _parts(whole)]
     raise _refused(artifact, path, forms, "neither it nor a part of it has that form")
+
+
+def _stages(folder: Folder) -> list[str]:
+    """The topmost USD stages of a folder."""
+    return sorted(name for name in folder.files if "/" not in name and name.endswith((".usda", ".usdc", ".usd")))
+
+
+def _package(folder: Folder, stage: str, path: Path) -> list[Path]:
+    """Write a stage of a folder with everything that it names as one file."""
+    with tempfile.TemporaryDirectory() as scratch:
+        folder.export(scratch, path.stem)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return stage_files.package(path, Path(scratch, stage))
 
 
 def _holders(level: Iterable[Artifact], form: str) -> int:

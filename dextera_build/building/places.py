@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dextera_build import digest as digests
+from dextera_build.engine.graph import parse_address
 from dextera_build.project.project import Project
 from dextera_build.project.workspace import folder_name, owns_store
 from dextera_build.store.locks import Locks
 
 OUT = "out"
 _CODES = str.maketrans({"/": "%2F", ":": "%3A", "%": "%25"})
+_IN_LABELS = {**_CODES, **str.maketrans({".": "%2E"})}
 _LONGEST = 230
 """Maximum length of a folder's name [bytes]; unfinished and kept folders have longer names."""
 
@@ -46,8 +48,17 @@ def of(project: Project, recipe: str, variant: str = "") -> Place:
 
 
 def name_of(node: str) -> str:
-    """The folder of a node below that of its recipe; names that are too long for a folder end in their digest."""
-    name = node.translate(_CODES)
+    """The folder of a node below that of its recipe: `body.mug.mesh` for `body[mug].mesh`, which no shell misreads.
+
+    Dots of labels have another spelling, so no two nodes of a recipe share a folder. Names that are too long for a
+    folder end in their digest.
+    """
+    path, labels, said = parse_address(node), list[str](), list[str]()
+    labels += path.labels or ()
+    for depth, part in enumerate(path.call):
+        said.append(part.translate(_CODES))
+        said += [labels[depth].translate(_IN_LABELS)] if depth < len(labels) else []
+    name = ".".join(said)
     if len(name.encode()) <= _LONGEST:
         return name
     return f"{name.encode()[: _LONGEST - 20].decode(errors='ignore')}%-{digests.of_bytes(node.encode())[:16]}"

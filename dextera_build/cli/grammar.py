@@ -9,9 +9,13 @@ from typing import NoReturn
 
 from dextera_build import __version__
 from dextera_build.cli.verbs import GROUPS, MODULES, MOVED, VERBS
-from dextera_build.errors import UsageError, did_you_mean
+from dextera_build.errors import UsageError, did_you_mean, nearest
 
 _FOOT = "`dxb help VERB`, `dxb help CODE` and `dxb help RULE` say more; verbs that print results take `--json`."
+
+
+_INSTEAD = {("build", "--json"): "`dxb build --console jsonl` prints each event as JSON"}
+"""Verb and flag that it lacks -> what to write."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -66,7 +70,10 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         flag = next((word.partition("=")[0] for word in rest if word.startswith("-")), None)
         if flag is None:
             raise UsageError(f"`{rest[0]}` is an unexpected argument", code="DXB-U101", hint=f"`dxb {verb} --help`")
-        hint = did_you_mean(flag, known) or f"`dxb {verb} --help` lists its arguments"
+        names = {each.lstrip("-"): each for each in known}
+        near = nearest(flag.lstrip("-"), names, 1, cutoff=0.6)
+        hint = f"did you mean `{names[near[0]]}`?" if near else f"`dxb {verb} --help` lists its arguments"
+        hint = _INSTEAD.get((verb, flag), hint)
         raise UsageError(f"`dxb {verb}` has no flag `{flag}`", code="DXB-U101", hint=hint)
     return args
 

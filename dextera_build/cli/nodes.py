@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dextera_build.errors import UsageError, did_you_mean, listing
 
@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from dextera_build.project.project import Project
     from dextera_build.session import Session
 
-Row = dict[str, str]
+Row = dict[str, Any]
+"""Column -> text, or a number."""
 _LABEL = re.compile(r"\[[^\]]*\]")
 
 
@@ -47,9 +48,25 @@ def row(node: Planned, status: str = "") -> Row:
         "status": status or _status(node),
         "rule": node.rule.path,
         "backend": node.rule.backend or "-",
-        "last_seconds": f"{node.seconds_last:.1f}" if node.seconds_last is not None else "-",
+        "last_seconds": node.seconds_last,
         "chosen": node.rule.chosen or "-",
     }
+
+
+def ranks(graph: Graph, wanted: Sequence[Address]) -> dict[tuple[str, ...], int]:
+    """Call -> its place in the order of a build: behind everything that it reads."""
+    found: dict[tuple[str, ...], int] = {}
+    for target in wanted:
+        stack = [(target.call, False)]
+        while stack:
+            call, is_read = stack.pop()
+            if call in found:
+                continue
+            if is_read:
+                found[call] = len(found)
+            else:
+                stack += [(call, True), *((need, False) for need in reversed(list(graph.needs(call))))]
+    return found
 
 
 def _status(node: Planned) -> str:

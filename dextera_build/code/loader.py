@@ -94,15 +94,11 @@ class RuleFile:
         """The imported rule.
 
         Raises:
-            RecipeError: The file cannot be imported, or defines no rule of its own name.
+            RecipeError: The file cannot be imported, or defines no rule of its own name and with types.
         """
-        from dextera_build.rule import Rule
+        from dextera_build.code.typed import rule_of
 
-        name = self.path.rpartition(".")[2]
-        found = getattr(imported(self.root, self.path, self.file), name, None)
-        if not isinstance(found, Rule):
-            raise RecipeError(f"no function `{name}` with `@rule` in this file", code="DXB-R203", where=self.place)
-        return found
+        return rule_of(imported(self.root, self.path, self.file), self.path, self.place)
 
     @property
     def place(self) -> Place:

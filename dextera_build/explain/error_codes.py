@@ -1,4 +1,4 @@
-"""The meaning of error codes, extracted from the code that makes the errors; there is no other list."""
+"""The meaning of error codes: the section of `docs/common_errors.md`, if any, and every message in the code."""
 
 from __future__ import annotations
 
@@ -29,6 +29,16 @@ def sites(code: str = "DXB-") -> Iterator[ErrorSite]:
         text = file.read_text()
         if code in text:
             yield from (error for error in _read(ast.parse(text)) if error.code.startswith(code))
+
+
+def section(code: str) -> list[str]:
+    """The paragraphs and examples about a code that users meet often; an example begins with three backticks.
+
+    The page is docs/common_errors.md; a code without a section gives none.
+    """
+    text = (PACKAGE / "docs" / "common_errors.md").read_text(encoding="utf-8")
+    found = re.search(rf"^## {code}\n(.*?)(?=^## |\Z)", text, re.DOTALL | re.MULTILINE)
+    return re.split(r"\n\n(?!\s*\n)", found[1].strip()) if found else []
 
 
 def family(letter: str) -> type[errors.DxbError]:

@@ -62,6 +62,27 @@ def rows(library: Library, found: RuleFile) -> list[Row]:
     return told
 
 
+def narrow(rows: list[Row]) -> list[Row]:
+    """The same in three columns: what it is; type, default with its unit and bounds, one per line; meaning."""
+    return [
+        {
+            "name": row["name"] if row["kind"] == "option" else f"{row['kind']} {row['name']}".strip(),
+            "value": "\n".join(_value(row)),
+            "meaning": row["meaning"],
+        }
+        for row in rows
+    ]
+
+
+def _value(row: Row) -> Iterator[str]:
+    unit = re.search(r"\[([^\[\]]+)\]", row["meaning"]) if row["kind"] == "option" else None
+    yield from filter(None, [row["type"]])
+    if row["kind"] == "option" and row["default"]:
+        has_unit = unit is not None and row["default"] != "required"
+        yield f"= {row['default']}{f' {unit[1]}' if has_unit and unit else ''}"
+    yield from filter(None, [row["bounds"]])
+
+
 def _row(kind: str, name: str, form: str, default: str = "", limits: str = "", meaning: str = "") -> Row:
     meaning = " ".join(meaning.split())
     return {"kind": kind, "name": name, "type": form, "default": default, "bounds": limits, "meaning": meaning}

@@ -14,7 +14,7 @@ from dextera_build.session import Session, notices, reading
 Events = list[dict[str, Any]]
 
 
-def runs(project: Project) -> Iterator[dict[str, str]]:
+def runs(project: Project) -> Iterator[dict[str, Any]]:
     """One row per run, newest first."""
     from dextera_build.runs import log
 
@@ -29,7 +29,7 @@ def runs(project: Project) -> Iterator[dict[str, str]]:
                 "when": time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(start["time"])),
                 "recipe": start["recipe"],
                 "ended": _ended(end),
-                "seconds": f"{end['seconds']:.1f}" if end else "-",
+                "seconds": end["seconds"] if end else None,
             }
 
 

@@ -78,7 +78,12 @@ def add_surface_material(
 
 
 def write(mesh: Mesh, path: Path) -> list[Path]:
-    """Write a stage with z up, in metres, its default prim the mesh, and its texture next to it as `STEM.png`."""
+    """Write a stage with z up, in metres, its default prim the mesh, and its texture next to it as `STEM.png`.
+
+    A `.usdz` holds both.
+    """
+    if path.suffix.lower() == ".usdz":
+        return stage_files.packed(path, lambda inner: write(mesh, inner))
     from pxr import Usd, UsdGeom
 
     path.unlink(missing_ok=True)

@@ -1,17 +1,17 @@
-"""`Splats` as PLY or USD, by the suffix."""
+"""`Splats` as PLY, USD, or in the small formats of web viewers, by the suffix."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from dextera_build.artifacts.shapes.splats import Splats
-from dextera_build.formats import splats_ply, splats_usd
+from dextera_build.formats import splats_packed, splats_ply, splats_usd
 
 
 def save(splats: Splats, path: Path) -> list[Path]:
-    """Write PLY or USD."""
-    save_form = splats_ply.save if path.suffix.lower() == ".ply" else splats_usd.save
-    return save_form(splats, path)
+    """Write PLY, USD, `.splat` or `.spz`."""
+    forms = {".ply": splats_ply.save, ".splat": splats_packed.save_splat, ".spz": splats_packed.save_spz}
+    return forms.get(path.suffix.lower(), splats_usd.save)(splats, path)
 
 
 def load(path: str | Path, *, frame: str | None = None) -> Splats:

@@ -26,8 +26,10 @@ def save(splats: Splats, path: Path) -> list[Path]:
 
     Args:
         splats: The Gaussians.
-        path: `.usda`, `.usdc` or `.usd`.
+        path: `.usda`, `.usdc`, `.usd` or `.usdz`.
     """
+    if path.suffix.lower() == ".usdz":
+        return stage_files.packed(path, lambda inner: save(splats, inner))
     from pxr import Usd, UsdGeom, UsdVol, Vt
 
     stage = Usd.Stage.CreateNew(str(path)) if not path.exists() else _emptied(path)

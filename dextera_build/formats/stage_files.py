@@ -6,10 +6,13 @@ Composition multiplies prims: a few lines of text can define ten references to a
 from __future__ import annotations
 
 import re
+import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from dextera_build.formats import bounds, named_files
+from dextera_build.formats.files import unwritable
 
 _MOST_SPECS = 1_000
 """Maximum number of prim specs that one prim is composed of; each level of two references to prims with two doubles
@@ -37,6 +40,33 @@ def opened(path: Path, folder: Path) -> Any:
         return Usd.Stage.Open(layers[0])
     except Tf.ErrorException as error:
         raise ValueError(said(error)) from None
+
+
+def packed(path: Path, write: Callable[[Path], object]) -> list[Path]:
+    """Write a package `.usdz` of a stage and all files that it names.
+
+    Args:
+        path: The package.
+        write: Writes the stage as the file that it is given, and its other files next to it.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        stage = Path(folder, f"{path.stem}.usdc")
+        write(stage)
+        return package(path, stage)
+
+
+def package(path: Path, stage: Path) -> list[Path]:
+    """Write a package `.usdz` of a stage that exists.
+
+    Raises:
+        ArtifactError: A file that it names is missing.
+    """
+    from pxr import Sdf, UsdUtils
+
+    path.unlink(missing_ok=True)
+    if not UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(stage)), str(path)):
+        raise unwritable("stage", "USDZ", "a file that it names cannot be read")
+    return [path]
 
 
 def said(error: Any) -> str:

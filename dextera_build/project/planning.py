@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from dextera_build.calls import secrets
-from dextera_build.errors import Place, UsageError, did_you_mean, listing
+from dextera_build.errors import Place, UsageError, did_you_mean, nearest
 from dextera_build.project.project import LOCK, Project
 
 # A no-op build loads none of these.
@@ -138,6 +138,9 @@ def no_recipe(project: Project, name: str) -> UsageError:
     return UsageError(
         f"no recipe is called `{name}`",
         code="DXB-U108",
-        facts={"recipes": listing(known, most=30)},
-        hint=did_you_mean(name, known) or "`dxb ls` shows all of them",
+        facts={
+            "the nearest": ", ".join(nearest(name, known, 8)),
+            "recipes": f"{len(known)}, `dxb ls` shows all of them",
+        },
+        hint=did_you_mean(name, known),
     )

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build.code.code_digest import EXCHANGE, FILE
 from dextera_build.code.companions import Companion, Companions, each_of, paths_of
-from dextera_build.code.distributions import version_of
+from dextera_build.code.distributions import extra_with, version_of
 from dextera_build.code.loader import BackendFile, Library, RuleFile
-from dextera_build.engine.graph import Call, Input, Item, Output, Pack, RuleFacts
+from dextera_build.engine.graph import Call, Input, Item, Leaf, Output, Pack, RuleFacts
 from dextera_build.errors import (
     ArtifactError,
     MachineError,
@@ -21,7 +21,7 @@ from dextera_build.errors import (
     install_extra,
     listing,
 )
-from dextera_build.recipe import folders, matrix
+from dextera_build.recipe import files, folders, matrix
 from dextera_build.recipe.backends import Choice, Wish, choose, given_of, taking, with_used
 from dextera_build.recipe.kinds import fits, parameters, type_name
 from dextera_build.recipe.option_values import checked
@@ -175,8 +175,8 @@ class CallMaker:
         given = {name: node for name, node in arguments.items() if name not in slots}
         groups = {*found.backends, *(each.name for each in named.values())}
         own = {name: node for name, node in given.items() if name not in groups}
-        options = checked(decl, found.rule.options, Node(own, decl.place))
-        if choice is not None and (of_backend := self._own_options(decl, choice, given)) is not None:
+        options = checked(decl, found.rule.options, Node(own, decl.place), node=".".join(address))
+        if choice is not None and (of_backend := self._own_options(decl, choice, given, address)) is not None:
             options[choice.backend.name] = of_backend
         options |= {each.name: folders.options(decl, each, given.get(each.name)) for each in named.values()}
         places = {name: node.place for name, node in given.items()}
@@ -190,7 +190,9 @@ class CallMaker:
             wish = Wish(names, f"given `{'`, `'.join(found.backends[names[0]].facts.takes)}`", decl.place)
         return choose(found, wish, self._profile, decl.place, self._library.machine, fallback=self.fallback)
 
-    def _own_options(self, decl: CallDecl, choice: Choice, given: Mapping[str, Node]) -> dict[str, Any] | None:
+    def _own_options(
+        self, decl: CallDecl, choice: Choice, given: Mapping[str, Node], address: Address
+    ) -> dict[str, Any] | None:
         """The options of the backend; None if it has none, or cannot be imported because something is missing."""
         name = choice.backend.name
         kind = None if choice.missing else choice.backend.options
@@ -210,7 +212,7 @@ class CallMaker:
                 code="DXB-R109",
                 where=group.place,
             )
-        return checked(decl, kind, group or Node({}, decl.place), name)
+        return checked(decl, kind, group or Node({}, decl.place), name, ".".join(address))
 
     def _rule_facts(self, found: RuleFile, choice: Choice | None, named: Mapping[str, Companion]) -> RuleFacts:
         chosen = (choice.backend.name, choice.why) if choice else ("", "")
@@ -289,7 +291,7 @@ def facts_of(
         raise MachineError(
             f"{found.path} needs {listing(missing)}, which is not installed",
             code="DXB-E302",
-            hint=install_extra("all"),
+            hint=install_extra(extra_with(missing)),
         )
     program = backend.program if backend else None
     # How values look outside is part of the result, although no backend imports it.
@@ -363,6 +365,8 @@ def _resolved(node: Node, name: str, slot: Slot, scope: Scope) -> Input | None:
         return None
     given = bound.kind()
     if not fits(slot.annotation, given):
+        if isinstance(bound.input, Leaf):
+            raise files.misfit(bound.input, text, name, slot.annotation, node.place)
         raise RecipeError(
             f"`{name}` takes {type_name(slot.annotation)}, but `{text}` is {type_name(given)}",
             code="DXB-R107",

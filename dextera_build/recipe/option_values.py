@@ -18,7 +18,7 @@ _UNIT = re.compile(r"\[([^\[\]]+)\]")
 """The unit in an option's docstring: `Wall thickness of a vessel [m].`"""
 
 
-def checked(decl: CallDecl, kind: Any, given: Node, group: str = "") -> dict[str, Any]:
+def checked(decl: CallDecl, kind: Any, given: Node, group: str = "", node: str = "NODE") -> dict[str, Any]:
     """The options of a rule, or of its backend `group`, complete with defaults.
 
     Args:
@@ -26,6 +26,7 @@ def checked(decl: CallDecl, kind: Any, given: Node, group: str = "") -> dict[str
         kind: Its class of options.
         given: Mapping from option to value.
         group: Name of the backend; empty for the rule's own options.
+        node: Address of the call, for the hint.
 
     Raises:
         RecipeError: The first value that does not fit, with its place.
@@ -43,6 +44,8 @@ def checked(decl: CallDecl, kind: Any, given: Node, group: str = "") -> dict[str
         location = tuple(first["loc"]) or _named(first["msg"], given.value)
         if first["type"] == "extra_forbidden":
             raise _unknown(decl, kind, given, group, location) from None
+        if first["type"] == "missing":
+            raise _needed(decl, kind, group, location, node) from None
         where = given.at(location) if location and location[0] in given.value else decl.place
         value = plain[location[0]] if not first["loc"] and location else first["input"]
         raise _wrong(decl, kind, group, location, _demand(first, location, kind), where, value) from None
@@ -68,6 +71,19 @@ def _wrong(
         where=where,
         facts={"given": repr(value)[:120]},
         hint=f"`{name}`: {text}" if text else None,
+    )
+
+
+def _needed(decl: CallDecl, kind: Any, group: str, location: tuple[Any, ...], node: str) -> RecipeError:
+    """The error for an option without a default that is not given."""
+    option = ".".join(map(str, [*([group] if group else []), *location]))
+    text = _meanings(kind).get(str(location[0])) if len(location) == 1 else None
+    return RecipeError(
+        f"`{decl.rule}` needs the option `{option}`",
+        code="DXB-R117",
+        where=decl.place,
+        facts={"it is": text} if text else None,
+        hint=f"`--set '{node}.{option}=VALUE'`, or the option at the node in the recipe",
     )
 
 

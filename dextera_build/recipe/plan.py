@@ -19,7 +19,7 @@ from dextera_build.recipe.kept import kind_of
 from dextera_build.recipe.profiles import Profile
 from dextera_build.recipe.schema import CallDecl, Decl, GroupDecl, InputDecl, MatrixDecl, Recipe, UseDecl, refuse_deep
 from dextera_build.recipe.scope import Absent, Alias, Bound, GroupName, Scope, UseName, item
-from dextera_build.recipe.settings import COMMAND_LINE, Setting
+from dextera_build.recipe.settings import Setting, of_input
 from dextera_build.recipe.strict_yaml import Node
 
 _MOST_USED = 100_000
@@ -197,7 +197,8 @@ class _Planner:
             if name in bound:
                 scope.names[name] = bound[name]
             elif text is not None:
-                scope.names[name] = self._value(text, decl.place, name in given)
+                where = of_input(name, text) if name in given else decl.place
+                scope.names[name] = self._value(text, where, name in given)
             elif decl.optional:
                 scope.names[name] = Bound(None, lambda: type(None))
             else:
@@ -284,7 +285,6 @@ class _Planner:
 
     def _value(self, text: str, where: Place, from_cli: bool) -> Bound:
         """Resolve an input's text: a target of another recipe (`robot/kuka_leap`, `reference/x:capture`) or a path."""
-        where = COMMAND_LINE if from_cli else where
         address, _, target = text.partition(":")
         path = self._path(text, where, from_cli)
         kind = self.kinds[str(path)] = kind_of(str(path))

@@ -43,6 +43,11 @@ class Setting:
         return self
 
 
+def of_input(name: str, text: str) -> Place:
+    """The place of an input that the command line gives."""
+    return Place(f"{COMMAND_LINE}: --input {shlex.quote(f'{name}={text}')}")
+
+
 def put(arguments: dict[str, Node], path: tuple[str, ...], value: Node) -> None:
     """Set an option, or a part of a group of options, of which the recipe may set others."""
     name, *inner = path

@@ -84,6 +84,13 @@ class Rule(Generic[P, R]):
         """First line of the docstring."""
         return (inspect.getdoc(self.function) or "").partition("\n")[0]
 
+    @property
+    def untyped(self) -> tuple[str, ...]:
+        """Parameters without a type, and `return` if that of the result is not said."""
+        said = inspect.signature(self.function)
+        names = tuple(name for name, each in said.parameters.items() if each.annotation is inspect.Parameter.empty)
+        return names if said.return_annotation is not inspect.Signature.empty else (*names, "return")
+
     @cached_property
     def slots(self) -> dict[str, Slot]:
         """Inputs by name, in order."""

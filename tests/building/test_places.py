@@ -32,13 +32,13 @@ def test_in_a_projects_own_store_the_names_are_those_of_recipe_and_node(tmp_path
     made = project(tmp_path)
     assert folder(made, "twin/laptop_scene") == f"{tmp_path}/cache/out/twin/laptop_scene"
     assert folder(made, "g", "@stub-12345678") == f"{tmp_path}/cache/out/g@stub-12345678"
-    assert name_of("body[mug].mesh") == "body[mug].mesh"
+    assert name_of("body[blue_mug].mesh") == "body.blue_mug.mesh"
 
 
 def test_recipes_requests_and_nodes_never_share_a_folder(tmp_path: Path) -> None:
     recipes = ("g", "g/a", "g/a/b", "g@a-12345678", "g%2Fa", "h/a", "h/a/b", "i/j/k")
     made = project(tmp_path, "cache", *recipes)
-    nodes = ("a", "b", "x[a:b].c", "x[a.b].c", "x[a%3Ab].c", "g/a:b", "g.a.b")
+    nodes = ("a", "b", "x[a:b].c", "x[a.b].c", "x[a%3Ab].c", "x[a].b[c].d", "x[a.b.c].d", "g/a:b", "g.a.b")
     found = {
         (recipe, variant, node): f"{folder(made, recipe, variant)}/{name_of(node)}"
         for recipe, variant, node in product(recipes, ("", "@a-12345678"), nodes)

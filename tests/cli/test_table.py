@@ -8,6 +8,7 @@ import sys
 import pytest
 
 from dextera_build.cli import table
+from dextera_build.cli.main import main
 
 ROWS = [
     {"node": "scene", "status": "stale", "last_seconds": "12.5", "backend": "-"},
@@ -36,4 +37,44 @@ def test_a_terminal_gets_aligned_columns_with_units(
     ]
     monkeypatch.setattr("shutil.get_terminal_size", lambda **_: os.terminal_size((31, 24)))
     table.show(ROWS)
-    assert capsys.readouterr().out.splitlines()[2] == "body[mug].mesh  cached       …"
+    assert capsys.readouterr().out.splitlines() == [
+        "node            status",
+        "scene           stale",
+        "    last run [s]: 12.5",
+        "body[mug].mesh  cached",
+        "    last run [s]: 3.0; backend:",
+        "    primitives",
+    ]
+
+
+@pytest.mark.parametrize("columns", [80, 100])
+def test_nothing_of_a_rule_is_cut_at_80_columns(
+    columns: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr("shutil.get_terminal_size", lambda **_: os.terminal_size((columns, 24)))
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert main(["help", "factorize.mesh"]) == 0
+    out = capsys.readouterr().out
+    assert max(map(len, out.splitlines())) < columns
+    assert "…" not in out
+    at = next(number for number, line in enumerate(out.splitlines()) if line.startswith("primitives.wall_m"))
+    wall = out.splitlines()[at : at + 3]
+    assert [line[25:].split("  ")[0].strip() for line in wall] == ["float", "= 0.003 m", "> 0, <= 0.3"]
+    assert " ".join(line.split("  ")[-1].strip() for line in wall) == (
+        "Wall thickness of a vessel if the view does not show it [m]."
+    )
+
+
+def test_a_table_of_many_columns_puts_the_last_ones_below(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr("shutil.get_terminal_size", lambda **_: os.terminal_size((80, 24)))
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert main(["ls", "backends"]) == 0
+    out = capsys.readouterr().out
+    assert max(map(len, out.splitlines())) < 80
+    assert "…" not in out
+    assert out.startswith("rule ")
+    assert "fitted to the view" in " ".join(out.split())

@@ -139,21 +139,21 @@ def test_a_folder_is_placed_as_it_is(counts: Space) -> None:
 def test_copies_of_an_earlier_capture_do_not_stay(space: Space) -> None:
     assert space.dxb("build", "say/words:word.loud").code == 0
     out = space.root / "cache/out/say/words"
-    assert sorted(os.listdir(out)) == [".placed", "word[one].loud", "word[two].loud"]
+    assert sorted(os.listdir(out)) == [".placed", "word.one.loud", "word.two.loud"]
     space.edit("recipes/say/words.yaml", "text: one two", "text: one four")
     answer = space.dxb("build", "say/words:word.loud")
-    assert sorted(os.listdir(out)) == [".placed", "word[four].loud", "word[one].loud"]
+    assert sorted(os.listdir(out)) == [".placed", "word.four.loud", "word.one.loud"]
     assert "out of date and removed from out/: word[two].loud" in answer.err
     # `all` is asked for; what lies of `word.loud` is current or goes.
     space.edit("recipes/say/words.yaml", "text: one four", "text: one five")
     assert space.dxb("build", "say/words").code == 0
-    assert sorted(os.listdir(out)) == [".placed", "all", "word[one].loud"]
+    assert sorted(os.listdir(out)) == [".placed", "all", "word.one.loud"]
     # Somebody's own work is never removed.
-    (out / "word[one].loud" / "notes").write_text("mine")
+    (out / "word.one.loud" / "notes").write_text("mine")
     space.edit("recipes/say/words.yaml", "text: one five", "text: six")
     answer = space.dxb("build", "say/words")
-    assert sorted(os.listdir(out)) == [".placed", "all", "word[one].loud~"]
-    assert "word[one].loud~" in answer.err
+    assert sorted(os.listdir(out)) == [".placed", "all", "word.one.loud~"]
+    assert "word.one.loud~" in answer.err
 
 
 def test_python_places_like_the_command_line(counts: Space) -> None:

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 
 from dextera_build.building import fetch
 from dextera_build.cli import options, table
-from dextera_build.cli.nodes import Row, planned, row
+from dextera_build.cli.nodes import Row, planned, ranks, row
 from dextera_build.engine import missing
 from dextera_build.engine.dry import Planned
+from dextera_build.engine.graph import parse_address
 from dextera_build.report.wording import count, duration
 from dextera_build.session import addresses
 
@@ -32,7 +33,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print one line per node: address, status, rule, backend, duration of the last run [s].
+    """Print one line per node, in the order of a build: address, status, rule, backend, duration of the last run [s].
 
     `cached` is up to date, and so is `bare`, whose bytes are not in the store and are not needed; `stale` would run,
     `remote` would be fetched, `unknown` reads the output of one of these. `missing` needs a backend that this machine
@@ -49,7 +50,8 @@ def run(args: argparse.Namespace) -> int:
         from dextera_build.cli.build import stale
 
         return stale.check(session, graph, wanted, as_json=args.json)
-    nodes = list(planned(session, graph, wanted).values())
+    order = ranks(graph, wanted)
+    nodes = sorted(planned(session, graph, wanted).values(), key=lambda node: order[parse_address(node.address).call])
     elsewhere = fetch.held(session, nodes)
     rows = [row(node, "remote" if node.address in elsewhere else "") for node in nodes]
     if not args.json:
@@ -67,8 +69,9 @@ def _give(rows: Sequence[Row], rules: Sequence[RuleFacts], *, as_json: bool) -> 
 
 def _incomplete(plan: Plan, wanted: Sequence[Address], *, as_json: bool) -> int:
     """The same without looking anything up: a required input is not given, so no key is known."""
-    needed = set(plan.graph.walk(wanted))
-    calls = [(path, call.rule) for path, call in plan.graph.calls() if path in needed]
+    order = ranks(plan.graph, wanted)
+    known = {path: call.rule for path, call in plan.graph.calls()}
+    calls = [(path, known[path]) for path in order]
     rules = [rule for _, rule in calls]
     given = _give(
         [row(Planned(".".join(path), "unknown", None, None, rule)) for path, rule in calls], rules, as_json=as_json

@@ -1,4 +1,4 @@
-"""`dxb get`: a node's artifact as files, or as one file in the format of its suffix."""
+"""`dxb get`: a node's artifact, or a part of it, as files or as one file in the format of its suffix."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ from dextera_build.errors import UsageError
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
-    parser.add_argument("node", metavar="RECIPE:NODE", help="twin/laptop_scene:body[mug].mesh")
+    parser.add_argument(
+        "node", metavar="RECIPE:NODE", help="a node, or fields of its result: twin/laptop_scene:body[mug].mesh.mesh"
+    )
     parser.add_argument(
         "-o",
         "--out",
@@ -30,20 +32,20 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the files and print their paths, the main one first."""
-    from dextera_build.building import one_file
-    from dextera_build.building.export import stem_of
+    from dextera_build.building import one_file, part
     from dextera_build.explain import stubs
 
     session, node = options.session(args, args.node, last=True)
     if not node:
         hint = f"`dxb get {session.recipe}:NODE`; `dxb ls {session.recipe}`"
         raise UsageError("a node is missing: `get` takes RECIPE:NODE", code="DXB-U111", hint=hint)
-    artifact = session.artifact(node)
-    if told := stubs.told(session, node):
+    wanted = part.named(session, node)
+    artifact = part.artifact(session, wanted)
+    if told := stubs.told(session, wanted.node):
         print(told, file=sys.stderr)
     out = Path(args.out)
     as_file = bool(out.suffix) and not (args.out.endswith(os.sep) or out.is_dir())
     with writing(out):
-        written = one_file.write(artifact, out) if as_file else artifact.export(out, stem_of(node))
+        written = one_file.write(artifact, out) if as_file else artifact.export(out, wanted.stem)
     print(json.dumps({"files": [str(path) for path in written]}) if args.json else "\n".join(map(str, written)))
     return 0

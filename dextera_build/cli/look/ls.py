@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dextera_build.cli import nodes, options, table
 from dextera_build.project.project import Project
 
-Row = dict[str, str]
+Row = nodes.Row
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

@@ -7,6 +7,7 @@ import json
 import time
 from typing import TYPE_CHECKING, Any
 
+from dextera_build.building import part
 from dextera_build.cli import options, table
 from dextera_build.cli.look import graph
 from dextera_build.cli.table import give_text
@@ -27,7 +28,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "target",
         nargs="?",
         metavar="RECIPE[:NODE]|RULE|RUN|CALL",
-        help="a recipe, a node or target, a rule, a run's id for --trace, or a call by its digest",
+        help="a recipe, a node or target, fields of a result, a rule, a run's id for --trace, or a call by its digest",
     )
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--graph", action="store_true", help="the graph of a recipe or of a target, as SVG")
@@ -63,7 +64,8 @@ def run(args: argparse.Namespace) -> int:
     if _is_rule(project, args.target):
         from dextera_build.explain import rule_card
 
-        return table.give(rule_card.rows(project.library, project.library.find(args.target)), as_json=args.json)
+        card = rule_card.rows(project.library, project.library.find(args.target))
+        return table.give(card, as_json=args.json, narrow=rule_card.narrow(card))
     if is_call(args.target):
         rows = show(project, args.target)
     else:
@@ -72,7 +74,8 @@ def run(args: argparse.Namespace) -> int:
             return _lineage(session, node, as_json=args.json)
         if not node:
             return _recipe(session, as_json=args.json)
-        rows = _node(session, node)
+        wanted = part.named(session, node)
+        rows = _inner(session, wanted) if wanted.fields else _node(session, node)
     cells = [{"name": name, "value": str(value)} for name, value in rows.items()]
     return table.give(rows, as_json=args.json, cells=cells)
 
@@ -193,6 +196,17 @@ def _node(session: Session, node: str) -> dict[str, Any]:
     rows |= {f"input {slot}": digest for slot, digest in document["inputs"]}
     rows |= {f"read {name}": told for name, told in Reads(session).rows(document).items()}
     return rows | {f"package {name}": version for name, version in document["packages"].items()}
+
+
+def _inner(session: Session, wanted: part.Part) -> dict[str, Any]:
+    """A part of a result: its facts and its fields."""
+    address = f"{session.recipe}:{wanted.node}"
+    rows = {"part": ".".join([address, *wanted.fields]), "of": address}
+    rows["result"] = ", ".join(part.artifact(session, wanted).facts())
+    if told := stubs.told(session, wanted.node):
+        rows["stub"] = told
+    digest = part.digest_of(session, wanted)
+    return rows | {"digest": digest} | _header(session, digest)
 
 
 def _header(session: Session, output: str) -> dict[str, Any]:

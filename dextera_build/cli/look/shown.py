@@ -13,7 +13,7 @@ from dextera_build.artifacts.scenes.scene import Scene
 from dextera_build.artifacts.tasks.episode import Episodes
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.artifacts.tasks.trials import Trials
-from dextera_build.building import fetch
+from dextera_build.building import fetch, part
 from dextera_build.engine.graph import parse_address
 from dextera_build.errors import DxbError, RuleError, UsageError, listing
 from dextera_build.explain import ancestors
@@ -39,8 +39,11 @@ def of(session: Session, node: str, episode: str | None = None) -> Fill:
     """
     if not node:
         return _recipe(session)
-    fetch.bring(session, [node] if node in session.history else [])
-    artifact = session.artifact(node)
+    wanted = part.named(session, node)
+    fetch.bring(session, [wanted.node] if wanted.node in session.history else [])
+    artifact = part.artifact(session, wanted)
+    if wanted.fields:
+        return _plain(artifact, node)
     if isinstance(artifact, TaskBundle):
         return _task(session, node, artifact)
     if isinstance(artifact, Episodes | Trials):

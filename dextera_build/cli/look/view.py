@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
-    parser.add_argument("target", metavar="RECIPE[:NODE]", help="a recipe that was built, or one node of it")
+    text = "a recipe that was built, a node of it, or fields of its result"
+    parser.add_argument("target", metavar="RECIPE[:NODE]", help=text)
     parser.add_argument("--port", type=int, default=8080, help="port to listen on (8080, or the next free one)")
     parser.add_argument(
         "--host", default="127.0.0.1", metavar="ADDRESS", help="address to listen on (127.0.0.1: this machine alone)"
@@ -54,6 +55,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _served(args: argparse.Namespace, session: Session, node: str) -> int:
+    from dextera_build.building import part
     from dextera_build.cli.build.shown import warn
     from dextera_build.cli.look import shown
     from dextera_build.explain import stubs
@@ -61,7 +63,7 @@ def _served(args: argparse.Namespace, session: Session, node: str) -> int:
     from dextera_build.view import server
 
     fill = shown.of(session, node, args.episode)
-    stub = stubs.told(session, node)
+    stub = stubs.told(session, part.named(session, node).node if node else "")
     if stub:
         notices[stub] = None
     warn()  # the viewer runs until it is stopped

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import argparse
 import ctypes.util
+import importlib.util
 import os
 import shutil
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator
 
 from dextera_build.cli import options, table
+from dextera_build.code.distributions import extra_with
 from dextera_build.code.loader import BackendFile, RuleFile
-from dextera_build.errors import Place
+from dextera_build.errors import Place, install_extra
 from dextera_build.project.project import Project
 from dextera_build.recipe.backends import backend_of, lacks_of
 from dextera_build.report import wording
@@ -38,7 +41,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print one line per finding; return 4 if something that the profile needs is missing."""
+    """Print one line per finding, then the number that each step mends; return 4 if something is missing."""
     project = options.project(args)
     findings = [*_python(), *_store(project), *_libraries(), *_backends(project, args.self_test), *_rendering()]
     rows = [dict(zip(("what", "ok", "found", "mend"), finding, strict=True)) for finding in findings]
@@ -47,6 +50,9 @@ def run(args: argparse.Namespace) -> int:
         for what, fine, found, mend in findings
     ]
     table.give(rows, as_json=args.json, cells=cells)
+    lacking = [mend for _, fine, _, mend in findings if not fine]
+    for mend, times in Counter(lacking).most_common() if len(lacking) > 1 else ():
+        print(f"{times} of {len(lacking)} missing: {mend}", file=sys.stderr)
     return 0 if all(fine for _, fine, _, _ in findings) else 4
 
 
@@ -116,6 +122,9 @@ def _backend(project: Project, found: RuleFile, backend: BackendFile, *, tests: 
 
 def _rendering() -> Iterator[Finding]:
     """Render in a subprocess: a broken GL driver ends the process, and the driver is chosen at import."""
+    if importlib.util.find_spec("mujoco") is None:
+        yield "rendering", False, "mujoco is not installed", install_extra(extra_with(["mujoco"]))
+        return
     environment = {"MUJOCO_GL": "egl", **os.environ}
     answer = subprocess.run([sys.executable, "-c", _RENDER], env=environment, capture_output=True, text=True)
     lines = answer.stderr.strip().splitlines()

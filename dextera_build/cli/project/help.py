@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import argparse
 import re
+import shutil
+import textwrap
 
 from dextera_build.cli.verbs import MOVED, VERBS
 from dextera_build.errors import UsageError, did_you_mean
 
+_INDENT = "   "
+_WIDEST = 100
+"""Longest line of an explanation [characters]."""
 _CODE = re.compile(r"(?:DXB-)?([A-Z]\d{3})", re.IGNORECASE)
 
 
@@ -46,11 +51,25 @@ def _meaning(code: str) -> str:
         raise UsageError(f"there is no error `{code}`", code="DXB-U196", hint=hint)
     kind = error_codes.family(code[4])
     lines = [f"{code}: {(kind.__doc__ or '').partition(chr(10))[0]}"]
-    for error in found:
+    room = min(shutil.get_terminal_size((_WIDEST, 24)).columns, _WIDEST) - 1
+    about = error_codes.section(code)
+    for part in about:
+        lines += ["", *(_example(part, room) if part.startswith("```") else textwrap.wrap(part, room))]
+    for error in found if not about else ():
         lines += ["", error.message]
         lines += [f"   it says: {', '.join(error.facts)}"] if error.facts else []
         lines += [f"   what to do: {error.hint}"] if error.hint else []
     return "\n".join(lines)
+
+
+def _example(block: str, room: int) -> list[str]:
+    """The lines of an example, indented; a remark that does not fit stands above its line."""
+    lines = list[str]()
+    for line in block.splitlines()[1:-1]:
+        text, mark, remark = line.partition("  # ")
+        fits = len(line) <= room - len(_INDENT) or not mark
+        lines += [line] if fits else [f"# {remark.strip()}", text.rstrip()]
+    return [f"{_INDENT}{line}".rstrip() for line in lines]
 
 
 def _rule(name: str) -> int:
@@ -67,7 +86,8 @@ def _rule(name: str) -> int:
             code="DXB-U196",
             hint=did_you_mean(name, [*VERBS, *rules], "`dxb help {}`") or "`dxb ls rules` lists rules",
         )
-    table.show(rule_card.rows(library, rules[name]))
+    card = rule_card.rows(library, rules[name])
+    table.show(card, rule_card.narrow(card))
     return 0
 
 

@@ -10,6 +10,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 from urllib.parse import urlsplit
 
+from pydantic import Field
+
 from dextera_build.artifacts.cameras.camera import Photograph
 from dextera_build.artifacts.objects.object import Elements
 from dextera_build.errors import MachineError
@@ -33,15 +35,12 @@ LONGEST = 1024
 class VlmOptions(Options):
     """Options of backend `vlm` of factorize.parse."""
 
-    model: str = ""
+    model: str = Field(min_length=1)
     """Name of the model, passed to the service."""
 
 
 def propose(ctx: Context, photograph: Photograph, measured: Measurements[Workspace], options: VlmOptions) -> Elements:
     """The elements named by the model, each with its box [px]."""
-    if not options.model:
-        hint = "`--set NODE.vlm.model=NAME`, or `vlm: {model: NAME}` at the node"
-        ctx.fail("no model is named for the backend `vlm`", hint=hint)
     picture, size = _picture(photograph)
     grid = questions.Grid(*size)
     request = {

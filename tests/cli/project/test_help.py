@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import pytest
 
 from dextera_build.cli.main import main
+from dextera_build.explain import error_codes
 
 
 def said(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> str:
@@ -64,3 +68,29 @@ def test_what_is_nothing_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     assert "there is no error `DXB-Z999`" in said(capsys, "DXB-Z999", code=2)
     assert "did you mean `dxb help factorize.mesh`?" in said(capsys, "factorize.mesch", code=2)
     assert "did you mean `dxb help Elements`?" in said(capsys, "Elemnts", code=2)
+
+
+COMMON = Path(error_codes.__file__).parent.parent / "docs" / "common_errors.md"
+
+
+def test_forty_codes_have_an_example_and_what_to_write_instead(capsys: pytest.CaptureFixture[str]) -> None:
+    codes = re.findall(r"^## (.*)", COMMON.read_text(), re.MULTILINE)
+    known = {site.code for site in error_codes.sites()}
+    assert len(codes) == len(set(codes)) >= 40
+    assert set(codes) <= known
+    for code in codes:
+        about, *examples = error_codes.section(code)
+        assert about.endswith(".")
+        assert any(part.startswith("```text\n") and part.endswith("\n```") for part in examples), code
+
+
+def test_a_common_code_is_explained_within_the_terminal(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    for code in re.findall(r"^## (.*)", COMMON.read_text(), re.MULTILINE):
+        assert max(map(len, said(capsys, code).splitlines())) < 80
+    told = said(capsys, "DXB-R109")
+    assert "The value of an option has another type, or lies outside its bounds." in told
+    assert "\n   primitives: {wall_m: 0.003}      # right: 3 mm\n" in told
+    assert "```" not in told

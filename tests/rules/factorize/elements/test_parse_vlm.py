@@ -112,13 +112,11 @@ def test_the_key_does_not_go_to_another_machine_in_the_clear(parse, service, mon
     assert caught.value.code == "DXB-E363"
 
 
-def test_without_an_address_or_a_model(parse, monkeypatch):
+def test_without_an_address(parse, monkeypatch):
     monkeypatch.delenv("DXB_VLM_URL", raising=False)
     with pytest.raises(DxbError) as caught:
         parse()
     assert caught.value.code == "DXB-E362"
-    with pytest.raises(DxbError, match="no model is named"):
-        parse(model="")
 
 
 def test_the_model_is_told_what_is_wrong_and_answers_again(parse, service):
