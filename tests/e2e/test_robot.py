@@ -161,9 +161,9 @@ def ended(robot: subprocess.Popen[str]) -> dict[str, Any]:
     return found
 
 
-def ran(space: Space, out: str, *more: str) -> tuple[int, dict[str, Any]]:
+def ran(space: Space, out: str, *more: str, policy: str = "task/try:policy") -> tuple[int, dict[str, Any]]:
     """A run of the policy: exit code and what it tells."""
-    command = ("run", "task/try", "--policy", "task/try:policy", "--robot", "127.0.0.1", "--out", out, "--json")
+    command = ("run", "task/try", "--policy", policy, "--robot", "127.0.0.1", "--out", out, "--json")
     done = space.dxb(*command, *NAMES, *more)
     assert done.out, done.err
     return done.code, json.loads(done.out)
@@ -217,6 +217,28 @@ def test_a_robot_that_falls_silent_over_dds_is_not_moved_any_more(built: Space) 
     assert told["reason"] == "the guard stopped the robot: no joint states arrived for more than 0.4 s"
     assert heard["commands"] == 2 * told["steps"] < 40
     assert heard["commands_after_stop"] == 0
+
+
+@pytest.mark.slow
+def test_a_policy_of_another_process_drives_a_robot_over_dds(built: Space) -> None:
+    pytest.importorskip("websockets", reason="needs websockets (extra `serve`)")
+    space = built
+    server = space.start("serve", "task/try:policy", "--port", "0", "--json")
+    assert server.stdout is not None
+    address = json.loads(server.stdout.readline())["url"]
+    robot = started(space)
+    try:
+        code, told = ran(space, "served.mcap", policy=address)
+    finally:
+        heard = ended(robot)
+        server.send_signal(signal.SIGINT)
+        assert server.wait(60) == 0
+    assert (code, told["reason"]) == (0, "not done within 4 s")
+    assert 2 * told["steps"] == heard["commands"] == 40
+    assert heard["joints"] == pytest.approx(TARGETS, abs=5e-3)
+    nobody = space.dxb("run", "task/try", "--policy", address, *NAMES)
+    assert nobody.code == 4
+    assert "DXB-E328" in nobody.err
 
 
 @pytest.mark.parametrize(

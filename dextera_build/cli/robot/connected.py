@@ -5,19 +5,17 @@ from __future__ import annotations
 import argparse
 import sys
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
-from dextera_build.cli import options
+from dextera_build.cli import built, options
 
 if TYPE_CHECKING:
-    from dextera_build.artifacts.base import Artifact
     from dextera_build.artifacts.tasks.task import TaskBundle, View
     from dextera_build.deploying.checkup import Check
     from dextera_build.deploying.topics import Topics
     from dextera_build.deploying.transport import Transport
     from dextera_build.session import Session
 
-T = TypeVar("T", bound="Artifact")
 CAMERA = "workspace"
 
 
@@ -55,37 +53,14 @@ def opened(args: argparse.Namespace) -> Connected:
     """
     from dextera_build.artifacts.robots.ros_names import RosNames
     from dextera_build.artifacts.tasks.task import View
-    from dextera_build.cli.look.teleop import task
     from dextera_build.deploying import topics
 
     session, node = options.session(args, args.target, last=True)
-    _, bundle = task(args.target, session, node, args.verb)
-    names = artifact(args, args.names, RosNames) if args.names else RosNames()
-    view = artifact(args, args.view, View) if args.view else None
+    verb = " ".join(filter(None, (args.verb, getattr(args, "what", ""))))
+    _, bundle = built.task(args.target, session, node, verb)
+    names = built.artifact(args, args.names, RosNames) if args.names else RosNames()
+    view = built.artifact(args, args.view, View) if args.view else None
     return Connected(session, bundle, topics.of_robot(bundle.robot, names, (args.camera,) if view else ()), view)
-
-
-def artifact(args: argparse.Namespace, target: str, kind: type[T]) -> T:
-    """The artifact of a node that was built.
-
-    Raises:
-        UsageError: It is of another type.
-    """
-    from dextera_build.building import fetch
-    from dextera_build.errors import UsageError
-
-    session, node = options.session(args, target, last=True)
-    if node:
-        fetch.bring(session, [node] if node in session.history else [])
-        found = session.artifact(node)
-        if isinstance(found, kind):
-            return found
-    raise UsageError(
-        f"`{target}` is no {kind.name()}" if node else f"`{target}` names no node",
-        code="DXB-U345",
-        facts={"needed": kind.name()},
-        hint=f"`dxb ls {session.recipe}` lists nodes and their types",
-    )
 
 
 def transport(args: argparse.Namespace, peers: tuple[str, ...]) -> Transport:

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dextera_build.cli.robot import connected
+from dextera_build.cli.robot import acting, connected
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -25,9 +25,7 @@ if TYPE_CHECKING:
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     connected.arguments(parser)
-    parser.add_argument(
-        "--policy", metavar="RECIPE:NODE", required=True, help="a policy that was built, also one of learn.served"
-    )
+    acting.arguments(parser)
     parser.add_argument("--robot", metavar="HOST", default="127.0.0.1", help="address of the robot (127.0.0.1)")
     parser.add_argument("--out", metavar="FILE", help="the recording to write, .mcap (runs/TASK-TIME.mcap)")
     parser.add_argument("--limit", type=float, metavar="S", help="longest run in seconds (of the task)")
@@ -47,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     safety = _safety(args)
     here = connected.opened(args)
     with called.shown(here.session.project.library):
-        policy, digest = _policy(args, here)
+        policy, digest = acting.policy(args, here)
         out = Path(args.out or time.strftime(f"runs/{here.bundle.task.name}-%Y%m%d-%H%M%S.mcap"))
         transport = connected.transport(args, (args.robot,))
         bag = Bag.create(out)
@@ -82,21 +80,6 @@ def _safety(args: argparse.Namespace) -> Safety:
             hint="`--speed 0.5 --ramp 1.5`",
         )
     return Safety(limits=GUARDED.model_copy(update={"speed": args.speed}), ramp_s=args.ramp)
-
-
-def _policy(args: argparse.Namespace, here: Connected) -> tuple[Policy, str]:
-    """The policy, ready to run, and the digest of its checkpoint."""
-    from dextera_build.artifacts.tasks.policy import Checkpoint
-    from dextera_build.cli import options
-    from dextera_build.cli.look import serve
-    from dextera_build.sim.runtime import policies
-
-    checkpoint = connected.artifact(args, args.policy, Checkpoint)
-    session, node = options.session(args, args.policy, last=True)
-    terms = tuple(serve.terms(session, node, checkpoint))
-    runner = serve.runner(session, node, checkpoint)
-    made = policies.load(runner, checkpoint, here.bundle, here.view, terms=terms)
-    return made, session.output(node)
 
 
 def _refuse(args: argparse.Namespace, here: Connected, transport: Transport, cell: RosCell) -> None:
