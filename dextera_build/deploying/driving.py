@@ -10,12 +10,15 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dextera_build.deploying.bag import VERDICTS, Bag
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.deploying.cell import RosCell, Sleep
 from dextera_build.errors import DxbError
 from dextera_build.formats.ros.reading import SECOND
 from dextera_build.policy.added import AddedTerms
+from dextera_build.policy.layout import embodiment
 from dextera_build.policy.observation import DeployableObservation, deployable
+from dextera_build.policy.robot_run import STOPPED
+from dextera_build.version import __version__
 
 DONE = "the task is done"
 LATE = "not done within {:g} s"
@@ -127,17 +130,24 @@ def drive(
     except KeyboardInterrupt:
         ran.reason, ran.faulty = cell.stop("the operator stopped it").message, True
     except Exception as error:
-        cell.tell(f"stopped: {type(error).__name__}: {error}")
+        cell.tell(f"{STOPPED}{type(error).__name__}: {error}")
         raise
     ran.interventions, ran.delays_s = cell.interventions, cell.delays_s
-    cell.tell(f"stopped: {ran.reason}")
+    cell.tell(STOPPED + ran.reason)
     return ran
 
 
-def verdict(bag: Bag, now: int, measured: bool | None, operator: bool | None) -> None:
-    """Record success by the measurements and by the operator; both are kept."""
-    words = {True: "success", False: "failure", None: "not judged"}
-    bag.say(VERDICTS, now, f"measured: {words[measured]}; operator: {words[operator]}")
+def facts(cell: RosCell, bundle: TaskBundle) -> dict[str, str]:
+    """What a recording says of its run, whatever commands the robot."""
+    return {
+        "dxb": __version__,
+        "task": bundle.task.name,
+        "embodiment": embodiment(bundle.robot),
+        "world": cell.world,
+        "rate_hz": f"{cell.rate_hz:g}",
+        "limits": cell.safety.limits.model_dump_json(),
+        "ramp_s": f"{cell.safety.ramp_s:g}",
+    }
 
 
 def _next(clock: Clock, due: int) -> int:

@@ -16,19 +16,18 @@ import mujoco
 import numpy as np
 
 from dextera_build.deploying import wire
-from dextera_build.deploying.topics import STATUS, Commanded, Topics
+from dextera_build.deploying.topics import SIMULATED, STATUS, Commanded, Topics
 from dextera_build.deploying.transport import Quality, Topic, Transport
 from dextera_build.formats.ros import hashes, messages
 from dextera_build.formats.ros.reading import SECOND
 from dextera_build.formats.ros.recording import packed
+from dextera_build.policy import robot_run
 from dextera_build.policy.layout import of_bundle
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.runtime.environment import Environment
 
 STATE_HZ = 100.0
 """Joint states per second [Hz]."""
-STOPPED = "stopped"
-"""First word of the status after which no command may come."""
 FaultKind = Literal[
     "joint_states_stop", "pictures_stop", "poses_stop", "stamps_jump", "stamps_back", "nan", "joint_missing",
     "joint_renamed", "cut",
@@ -124,6 +123,7 @@ class SimulatedRobot:
         for controller in topics.controllers:
             transport.subscribe(controller.topic, partial(self._commanded, controller))
         transport.subscribe(STATUS, self._told)
+        transport.publish(SIMULATED, messages.text(environment.bundle.kind))
 
     def tick(self) -> None:
         """Advance by 10 ms, and publish what is due."""
@@ -194,7 +194,7 @@ class SimulatedRobot:
         if stamp and stamp + round(reach_s * SECOND) < self._clock():
             self.heard.expired += 1
             return
-        self.heard.after_stop += bool(self.heard.status) and self.heard.status[-1].startswith(STOPPED)
+        self.heard.after_stop += bool(self.heard.status) and self.heard.status[-1].startswith(robot_run.STOPPED)
         if self._moving_since < 0:
             self._moving_since = self._ticks
         self._waiting.append((arrived + round(self._simulation.delay_s * SECOND), targets, reach_s))

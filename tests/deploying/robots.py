@@ -11,9 +11,9 @@ import numpy as np
 
 from dextera_build.artifacts.robots.ros_names import RosNames
 from dextera_build.deploying import topics as tables
-from dextera_build.deploying.bag import Bag
+from dextera_build.deploying.bag import ABOUT, SUMMARY, VERDICT, Bag
 from dextera_build.deploying.cell import RosCell, Safety
-from dextera_build.deploying.driving import Acting, Clock, Drive, drive
+from dextera_build.deploying.driving import Acting, Clock, Drive, drive, facts
 from dextera_build.deploying.loopback import Bus, Loopback
 from dextera_build.deploying.simulated import SimulatedRobot, Simulation
 from dextera_build.policy.observation import DeployableObservation
@@ -41,6 +41,49 @@ class Line:
         if self.then is not None and len(self.seen) > self.after:
             return self.then()
         return self.targets
+
+
+OVER, AROUND, CLOSED, UP = (
+    np.array([0.3, 0.1, 0.1, 0.05, 0.05]),
+    np.array([0.3, 0.1, 0.0, 0.05, 0.05]),
+    np.array([0.3, 0.1, 0.0, 0.01, 0.01]),
+    np.array([0.3, 0.1, 0.16, 0.01, 0.01]),
+)
+"""Slides of the gantry on the way to a lifted box: x, y, z, left, right [m]."""
+
+
+@dataclass
+class Lifting:
+    """Lifts the box, 30 control periods from place to place."""
+
+    places: tuple[np.ndarray, ...] = (OVER, AROUND, CLOSED, UP)
+    steps: int = 0
+
+    def reset(self) -> None:
+        self.steps = 0
+
+    def act(self, observation: DeployableObservation) -> np.ndarray:
+        path = (np.array([0.0, 0.0, 0.0, 0.05, 0.05]), *self.places, self.places[-1])
+        leg, done = divmod(min(self.steps, 30 * len(self.places)), 30)
+        self.steps += 1
+        return np.asarray(path[leg] + (path[leg + 1] - path[leg]) * done / 30)
+
+
+def recording(
+    acting: Acting, /, *, operator: bool | None = None, origin: str = "policy", limit_s: float = 12.0, **about: str
+) -> bytes:
+    """The recording of a run in the simulated robot; `about` replaces facts."""
+    rig = Rig(out=io.BytesIO())
+    rig.sleep(0.1)
+    said = {"policy": "0" * 64, "algorithm": "line", "origin": origin}
+    rig.bag.state(ABOUT, rig.time, facts(rig.cell, rig.bundle) | said | about)
+    ran = rig.drive(acting, limit_s)
+    rig.bag.state(SUMMARY, rig.time, ran.facts())
+    rig.bag.state(VERDICT, rig.time, {"measured": ran.success, "operator": operator})
+    kept: list[bytes] = []
+    rig.file.close = lambda: kept.append(rig.file.getvalue())
+    rig.bag.close()
+    return kept[0]
 
 
 class Rig:

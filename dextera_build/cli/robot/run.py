@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING
 from dextera_build.cli.robot import acting, connected
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from dextera_build.cli.robot.connected import Connected
     from dextera_build.deploying.bag import Bag
     from dextera_build.deploying.cell import RosCell, Safety
@@ -37,8 +35,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Check the robot, run the policy, and write the recording; exit with 1 unless the run ended by itself."""
-    from dextera_build.deploying.bag import Bag
+    from dextera_build.deploying.bag import ABOUT, Bag
     from dextera_build.deploying.cell import RosCell
+    from dextera_build.deploying.driving import facts
     from dextera_build.errors import MachineError
     from dextera_build.running import called
 
@@ -53,13 +52,15 @@ def run(args: argparse.Namespace) -> int:
         try:
             cell = RosCell(transport, here.topics, here.bundle, needed, safety, bag)
             _refuse(args, here, transport, cell)
+            about = {"policy": digest, "algorithm": policy.contract.algorithm, "origin": "policy"}
+            bag.state(ABOUT, time.time_ns(), facts(cell, here.bundle) | about)
             ran = _driven(args, here, cell, policy, bag)
         except MachineError:
             out.unlink()  # nothing was run
             raise
         finally:
             transport.close()
-            bag.close(_facts(here, digest, safety))
+            bag.close()
     return _told(args, ran, out)
 
 
@@ -105,7 +106,8 @@ def _refuse(args: argparse.Namespace, here: Connected, transport: Transport, cel
 def _driven(args: argparse.Namespace, here: Connected, cell: RosCell, policy: Policy, bag: Bag) -> Drive:
     import numpy as np
 
-    from dextera_build.deploying.driving import drive, verdict
+    from dextera_build.deploying.bag import SUMMARY, VERDICT
+    from dextera_build.deploying.driving import drive
     from dextera_build.sim.primitives import catalogue
 
     task = here.bundle.task
@@ -118,7 +120,8 @@ def _driven(args: argparse.Namespace, here: Connected, cell: RosCell, policy: Po
         rate_hz=task.control_hz,
         limit_s=args.limit or task.timeout_s,
     )
-    verdict(bag, time.time_ns(), ran.success, _asked(args))
+    bag.state(SUMMARY, time.time_ns(), ran.facts())
+    bag.state(VERDICT, time.time_ns(), {"measured": ran.success, "operator": _asked(args)})
     return ran
 
 
@@ -130,28 +133,12 @@ def _asked(args: argparse.Namespace) -> bool | None:
     return {"y": True, "n": False}.get(sys.stdin.readline().strip().lower())
 
 
-def _facts(here: Connected, digest: str, safety: Safety) -> Mapping[str, str]:
-    """What a recording says of its run."""
-    from dextera_build import __version__
-    from dextera_build.policy.layout import embodiment
-
-    return {
-        "dxb": __version__,
-        "task": here.bundle.task.name,
-        "policy": digest,
-        "embodiment": embodiment(here.bundle.robot),
-        "rate_hz": f"{here.bundle.task.control_hz:g}",
-        "limits": safety.limits.model_dump_json(),
-        "ramp_s": f"{safety.ramp_s:g}",
-    }
-
-
 def _told(args: argparse.Namespace, ran: Drive, out: Path) -> int:
     """Print what happened; the recording goes to stdout."""
-    facts = ran.facts() | {"recording": str(out)}
+    told = ran.facts() | {"recording": str(out)}
     if args.json:
-        print(json.dumps(facts))
+        print(json.dumps(told))
     else:
-        for name, value in facts.items():
+        for name, value in told.items():
             print(f"{name}\t{value}")
     return 1 if ran.faulty else 0
