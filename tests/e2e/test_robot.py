@@ -203,6 +203,9 @@ def test_a_policy_drives_a_robot_over_dds(built: Space) -> None:
     assert counts["/rails/commands"] == counts["/hand/trajectory"] == counts["/requested/joint_trajectory"] == 20
     assert counts["/joint_states"] > 100
     assert counts[PICTURES] > 5
+    done = space.build("task/from_robot", "--input", "task=task/try:task", "--input", "runs=whole.mcap")
+    assert done.code == 0, done.err[-3000:]
+    assert "0 of 1" in space.dxb("show", "task/from_robot:trials").out
 
 
 @pytest.mark.slow

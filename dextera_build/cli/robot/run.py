@@ -7,7 +7,7 @@ import json
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dextera_build.cli.robot import acting, connected
 
@@ -31,6 +31,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--speed", type=float, default=0.5, help="fraction of the joints' speed limits, above 0 to 1 (0.5)"
     )
     parser.add_argument("--ramp", type=float, default=1.5, metavar="S", help="time until that speed is allowed (1.5)")
+    parser.add_argument(
+        "--asynchronous",
+        action="store_true",
+        help="ask the policy in a thread of its own while the robot carries out the steps of its last answer",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -54,14 +59,16 @@ def run(args: argparse.Namespace) -> int:
             _refuse(args, here, transport, cell)
             about = {"policy": digest, "algorithm": policy.contract.algorithm, "origin": "policy"}
             bag.state(ABOUT, time.time_ns(), facts(cell, here.bundle) | about)
-            ran = _driven(args, here, cell, policy, bag)
+            ran, told = _driven(args, here, cell, policy, bag)
         except MachineError:
             out.unlink()  # nothing was run
             raise
         finally:
             transport.close()
             bag.close()
-    return _told(args, ran, out)
+    told["recording"] = str(out)
+    print(json.dumps(told) if args.json else "\n".join(f"{name}\t{value}" for name, value in told.items()))
+    return 1 if ran.faulty else 0
 
 
 def _safety(args: argparse.Namespace) -> Safety:
@@ -103,9 +110,13 @@ def _refuse(args: argparse.Namespace, here: Connected, transport: Transport, cel
         )
 
 
-def _driven(args: argparse.Namespace, here: Connected, cell: RosCell, policy: Policy, bag: Bag) -> Drive:
+def _driven(
+    args: argparse.Namespace, here: Connected, cell: RosCell, policy: Policy, bag: Bag
+) -> tuple[Drive, dict[str, Any]]:
+    """What happened, and as plain data with what the policy's thread did."""
     import numpy as np
 
+    from dextera_build.deploying.ahead import Ahead
     from dextera_build.deploying.bag import SUMMARY, VERDICT
     from dextera_build.deploying.driving import drive
     from dextera_build.sim.primitives import catalogue
@@ -113,16 +124,18 @@ def _driven(args: argparse.Namespace, here: Connected, cell: RosCell, policy: Po
     task = here.bundle.task
     print(f"{task.name} at {task.control_hz:g} Hz on {args.robot}; press Ctrl-C to stop", file=sys.stderr, flush=True)
     goal = catalogue.of(task, here.bundle.objects).goal.numbers(here.bundle.base_pose.inverse().matrix)
+    ahead = Ahead.of(policy, cell) if args.asynchronous else None
     ran = drive(
         cell,
-        policy,
+        ahead or policy,
         np.array(goal, np.float32),
         rate_hz=task.control_hz,
         limit_s=args.limit or task.timeout_s,
     )
-    bag.state(SUMMARY, time.time_ns(), ran.facts())
+    told = ran.facts() | (ahead.facts() if ahead else {})
+    bag.state(SUMMARY, time.time_ns(), told)
     bag.state(VERDICT, time.time_ns(), {"measured": ran.success, "operator": _asked(args)})
-    return ran
+    return ran, told
 
 
 def _asked(args: argparse.Namespace) -> bool | None:
@@ -131,14 +144,3 @@ def _asked(args: argparse.Namespace) -> bool | None:
         return None
     print("did it succeed? y, n, or Enter to keep what was measured: ", end="", file=sys.stderr, flush=True)
     return {"y": True, "n": False}.get(sys.stdin.readline().strip().lower())
-
-
-def _told(args: argparse.Namespace, ran: Drive, out: Path) -> int:
-    """Print what happened; the recording goes to stdout."""
-    told = ran.facts() | {"recording": str(out)}
-    if args.json:
-        print(json.dumps(told))
-    else:
-        for name, value in told.items():
-            print(f"{name}\t{value}")
-    return 1 if ran.faulty else 0

@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("rosbags", reason="needs rosbags (extra `ros`)")
 
-from dextera_build.artifacts.base import File, Folder
+from dextera_build.artifacts.base import Collection, File, Folder
 from dextera_build.artifacts.tasks.episode import Episodes
 from dextera_build.artifacts.tasks.mixture import Mixture
 from dextera_build.artifacts.tasks.trials import Trials
@@ -75,8 +75,10 @@ def test_episodes_are_what_was_measured_and_sent(tmp_path: Path) -> None:
     assert episode.hand[-1, 0, 2] - episode.hand[0, 0, 2] == pytest.approx(
         episode.joints[-1, 2] - episode.joints[0, 2], abs=1e-5
     )
-    mixed = rig.run("demonstrate.mixture", sets={"robot": made, "again": made}, options={"weights": {"robot": 2}})
+    sets = Collection(items={"robot": made, "again": made})
+    mixed = rig.run("demonstrate.mixture", sets=sets, options={"weights": {"robot": 2}})
     assert isinstance(mixed, Mixture)
+    assert mixed.parts["robot"].world == "real"
 
 
 def test_a_robot_that_is_simulated_says_so(tmp_path: Path) -> None:
@@ -102,7 +104,7 @@ def test_recordings_that_do_not_belong_together_are_refused(about, why, tmp_path
 
 
 def test_a_recording_that_is_cut_short_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ArtifactError, match="`a.mcap`"):
+    with pytest.raises(ArtifactError, match=r"`a\.mcap`"):
         trials(tmp_path, {"a.mcap": missed()[:50_000]})
     with pytest.raises(RuleError, match="holds no recording"):
         trials(tmp_path, {"notes.txt": b""})
