@@ -17,6 +17,7 @@ from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.deploying import periods, wire
 from dextera_build.deploying.bag import INTERVENTIONS, Bag
+from dextera_build.deploying.frozen import Frozen
 from dextera_build.deploying.stream import Sample, Stream
 from dextera_build.deploying.topics import SIMULATED, STATUS, Topics
 from dextera_build.deploying.transport import Topic, Transport
@@ -100,6 +101,7 @@ class RosCell:
         self.pictures = {camera: Stream(topic.name, depth=4) for camera, topic in topics.pictures.items()}
         self.world = REAL
         """World of the robot: `real`, or the one that a simulated robot states."""
+        self._frozen = {camera: Frozen(safety.limits.silence_s) for camera in topics.pictures}
         self._needed = set(needed) & {"objects", "displacement", "rgb"}
         if not bundle.displacement_names:
             self._needed.discard("displacement")
@@ -211,7 +213,7 @@ class RosCell:
         subscribe(topics.objects, self._placed)
         subscribe(SIMULATED, self._stated)
         for camera, topic in topics.pictures.items():
-            subscribe(topic, partial(self._shown, topic, self.pictures[camera]))
+            subscribe(topic, partial(self._shown, camera, topic))
 
     def _stated(self, message: bytes, arrived: int) -> None:
         self._record(SIMULATED, message, arrived)
@@ -237,13 +239,18 @@ class RosCell:
             if name in self.objects:
                 self.objects[name].add(Sample(stamp, arrived, pose))
 
-    def _shown(self, topic: Topic, stream: Stream, message: bytes, arrived: int) -> None:
+    def _shown(self, camera: str, topic: Topic, message: bytes, arrived: int) -> None:
+        stream = self.pictures[camera]
         self._record(topic, message, arrived)
         try:
             picture = wire.unpacked(topic.kind, message)
             stream.add(Sample(wire.stamp_of(picture.header), arrived, picture))
         except wire.UnusableError as error:
             stream.broken(str(error))
+            return
+        last = self.state.last
+        if self._frozen[camera].add(bytes(picture.data), arrived, None if last is None else last.value):
+            stream.fault = stream.fault or f"`{camera}` shows the same picture while the robot moves"
 
     def _check(self) -> None:
         """Raise if the measurements or the recording are of no use."""

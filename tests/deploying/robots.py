@@ -112,7 +112,7 @@ class Rig:
         self.bus = Bus(now=lambda: self.time)
         cameras = () if camera is None else ("workspace",)
         topics = tables.of_robot(self.bundle.robot, names or RosNames(), cameras)
-        look = None if camera is None else lambda: camera
+        look = None if camera is None else lambda: camera + np.uint8(self.time // TICK_NS % 2)  # as noise
         self.robot = SimulatedRobot(
             Loopback(self.bus), topics, Environment(self.bundle), simulation or Simulation(), look
         )

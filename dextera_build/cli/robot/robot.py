@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 from dextera_build.cli.robot import connected
 
 if TYPE_CHECKING:
-    from dextera_build.deploying.simulated import Fault, SimulatedRobot
+    from dextera_build.deploying.faults import Fault
+    from dextera_build.deploying.simulated import SimulatedRobot
 
 _ACTIONS = {
     "doctor": "check topics, types, clock and joints of a robot against the model; nothing moves",
@@ -126,7 +127,7 @@ def _fault(text: str) -> Fault:
     Raises:
         UsageError: There is no such kind, or a time is no number.
     """
-    from dextera_build.deploying.simulated import FAULTS, Fault
+    from dextera_build.deploying.faults import FAULTS, Fault
     from dextera_build.errors import UsageError, listing
 
     kind, _, when = text.partition("@")
