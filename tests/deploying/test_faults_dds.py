@@ -37,21 +37,23 @@ SLACK_S = 0.1
 """Delay of a busy machine, within which a command that was sent in time may arrive [s]."""
 FAR = np.array([0.5, 0.4, 0.2, 0.04, 0.04])
 """Targets that the robot is still on its way to when the fault comes."""
-ENDS: dict[FaultKind, tuple[float | None, str]] = {
-    "joint_states_stop": (PERIODS_S, "no joint states arrived for more than 0.4 s"),
-    "joint_states_late": (PERIODS_S, "joint states"),
-    "joint_states_lost": (None, "no joint states arrived for more than 0.4 s"),
-    "pictures_stop": (SILENCE_S + PERIODS_S, "no frame arrived for more than 0.5 s"),
-    "pictures_freeze": (None, "`workspace` shows the same picture while the robot moves"),
-    "poses_stop": (SILENCE_S + PERIODS_S, "no frame arrived for more than 0.5 s"),
-    "stamps_jump": (PERIODS_S, "jumped by +3.00 s"),
-    "stamps_back": (PERIODS_S, "jumped by -3.00 s"),
-    "nan": (PERIODS_S, "is not a finite number"),
-    "joint_missing": (PERIODS_S, "it lacks x"),
-    "joint_renamed": (PERIODS_S, "it lacks x"),
-    "cut": (PERIODS_S, "no joint states arrived for more than 0.4 s"),
+SILENT = ("no joint states arrived for more than 0.4 s", "pictures and joint states are")
+"""How joint states that are missing are told: a picture that belongs to none may come first."""
+ENDS: dict[FaultKind, tuple[float | None, tuple[str, ...]]] = {
+    "joint_states_stop": (PERIODS_S, SILENT),
+    "joint_states_late": (PERIODS_S, ("joint states",)),
+    "joint_states_lost": (None, SILENT),
+    "pictures_stop": (SILENCE_S + PERIODS_S, ("no frame arrived for more than 0.5 s",)),
+    "pictures_freeze": (None, ("`workspace` shows the same picture while the robot moves",)),
+    "poses_stop": (SILENCE_S + PERIODS_S, ("no frame arrived for more than 0.5 s",)),
+    "stamps_jump": (PERIODS_S, ("jumped by +3.00 s",)),
+    "stamps_back": (PERIODS_S, ("jumped by -3.00 s",)),
+    "nan": (PERIODS_S, ("is not a finite number",)),
+    "joint_missing": (PERIODS_S, ("it lacks x",)),
+    "joint_renamed": (PERIODS_S, ("it lacks x",)),
+    "cut": (PERIODS_S, SILENT),
 }
-"""Fault -> longest time until the last command [s], None: it depends on chance or motion; what the reason says."""
+"""Fault -> longest time until the last command [s], None: it depends on chance or motion; what the reason may say."""
 
 
 @dataclass
@@ -109,7 +111,7 @@ def test_a_fault_over_dds_ends_held_and_explained(kind: FaultKind) -> None:
         time.sleep(1.0)
         after = real.places()
     assert ran.faulty
-    assert why in ran.reason
+    assert any(each in ran.reason for each in why), ran.reason
     assert ran.steps >= 3
     assert after == pytest.approx(place, abs=2e-3)
     assert (heard.commands, heard.after_stop) == (commands, 0)

@@ -7,6 +7,7 @@ import json
 import os
 import signal
 import subprocess
+import time
 from pathlib import Path
 from typing import Any
 
@@ -220,6 +221,44 @@ def test_a_robot_that_falls_silent_over_dds_is_not_moved_any_more(built: Space) 
     assert told["reason"] == "the guard stopped the robot: no joint states arrived for more than 0.4 s"
     assert heard["commands"] == 2 * told["steps"] < 40
     assert heard["commands_after_stop"] == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("killed", ["robot", "policy", "run"])
+def test_a_process_that_is_killed_leaves_the_robot_held(killed: str, built: Space) -> None:
+    pytest.importorskip("websockets", reason="needs websockets (extra `serve`)")
+    space = built
+    server = space.start("serve", "task/try:policy", "--port", "0", "--json")
+    assert server.stdout is not None
+    address = json.loads(server.stdout.readline())["url"]
+    robot = started(space)
+    driver = space.start(
+        "run", "task/try", "--policy", address, "--out", "killed.mcap", "--json", "--limit", "60", *NAMES
+    )
+    try:
+        assert driver.stderr is not None
+        while "press Ctrl-C" not in (line := driver.stderr.readline()):
+            assert line, "the run ended"
+        time.sleep(3.0)
+        {"robot": robot, "policy": server, "run": driver}[killed].kill()
+        out, _ = driver.communicate(timeout=60)
+        time.sleep(1.0)
+    finally:
+        server.kill()
+        server.wait(60)
+    if killed != "run":
+        told = json.loads(out)
+        assert driver.returncode == 1
+        assert told["steps"] > 3
+        why = {"robot": "no joint states arrived for more than 0.4 s", "policy": "the connection to the policy"}
+        assert why[killed] in told["reason"]
+    if killed == "robot":
+        robot.wait(60)
+        return
+    before = ended(robot)
+    assert before["commands_after_stop"] == 0
+    assert before["commands"] < 2 * 5 * 10  # far fewer than the run would have sent
+    assert before["joints"]["x"] == pytest.approx(TARGETS["x"], abs=5e-3)
 
 
 @pytest.mark.slow
