@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 from typing import TYPE_CHECKING, TypeVar
 
 from dextera_build.cli import options
@@ -33,7 +34,6 @@ def task(target: str, session: Session, node: str, verb: str) -> tuple[str, Task
     """
     from dextera_build.artifacts.tasks.task import TaskBundle
     from dextera_build.building import fetch
-    from dextera_build.cli.look import shown
     from dextera_build.errors import UsageError
 
     if node:
@@ -41,13 +41,40 @@ def task(target: str, session: Session, node: str, verb: str) -> tuple[str, Task
         found = session.artifact(node)
         if isinstance(found, TaskBundle):
             return node, found
-    elif (own := shown.own_task(session)) is not None:
+    elif (own := own_task(session)) is not None:
         return own
     raise UsageError(
         f"`{target}` is no task that was built" if not node else f"`{target}` is a {found.name()}, not a task",
         code="DXB-U333",
         hint=f"`dxb build {session.recipe}:task`, then `dxb {verb} ...` again",
     )
+
+
+def own_task(session: Session) -> tuple[str, TaskBundle] | None:
+    """The node of a recipe's own task, and the task; None if it was not built or there is none."""
+    from dextera_build.artifacts.tasks.task import TaskBundle
+    from dextera_build.building import fetch
+
+    for node in by_type(session).get("TaskBundle", []):
+        # Nodes of other recipes have those recipes' names; the nodes of a recipe itself are its subject.
+        if ":" not in node:
+            fetch.bring(session, [node])
+            if isinstance(bundle := session.artifact(node), TaskBundle):
+                return node, bundle
+    return None
+
+
+def by_type(session: Session) -> dict[str, list[str]]:
+    """Artifact type -> the recipe's own nodes of the last build that returned one, with or without bytes."""
+    from dextera_build.artifacts.core.identity import parse
+
+    found: dict[str, list[str]] = {}
+    for node in session.last_nodes:
+        result = session.store.actions.find(session.past(node).key)
+        if result is not None:  # else it is no longer in the store
+            header = json.loads(session.store.blobs.get(result.result.output))
+            found.setdefault(parse(header["artifact"])[0], []).append(node)
+    return found
 
 
 def artifact(args: argparse.Namespace, target: str, kind: type[T]) -> T:
