@@ -13,6 +13,7 @@ from dextera_build.artifacts.robots.ros_names import RosNames
 from dextera_build.deploying import topics as tables
 from dextera_build.deploying.bag import ABOUT, SUMMARY, VERDICT, Bag
 from dextera_build.deploying.cell import RosCell, Safety
+from dextera_build.deploying.demonstration import Demonstration
 from dextera_build.deploying.driving import Acting, Clock, Drive, drive, facts
 from dextera_build.deploying.loopback import Bus, Loopback
 from dextera_build.deploying.simulated import SimulatedRobot, Simulation
@@ -83,6 +84,39 @@ def recording(
     kept: list[bytes] = []
     rig.file.close = lambda: kept.append(rig.file.getvalue())
     rig.bag.close()
+    return kept[0]
+
+
+def demonstration() -> bytes:
+    """The recording of a demonstration that another program, a run, commands in the simulated robot."""
+    rig = Rig()
+    file = io.BytesIO()
+    bag, transport = Bag(file), Loopback(rig.bus)
+    topics = tables.of_robot(rig.bundle.robot, RosNames())
+    cell = RosCell(transport, topics, rig.bundle, NEEDED, bag=bag, sleep=rig.sleep)
+    made = Demonstration(transport, topics, rig.bundle, cell, bag)
+    about = {"policy": "", "algorithm": "", "origin": "operator", "world": "real"}
+    bag.state(ABOUT, rig.time, facts(cell, rig.bundle) | about)
+
+    class Watched(Lifting):
+        """Each control period of the other program is one of the recording, too."""
+
+        def act(self, observation: DeployableObservation) -> np.ndarray:
+            if made.commanded and not made.steps:
+                made.begin()
+            if made.commanded and not made.success:
+                made.step()
+            return super().act(observation)
+
+    rig.drive(Watched(), 12.0)
+    while not made.success and made.steps < 400:
+        rig.sleep(0.05)
+        made.step()
+    made.end("the operator ended it")
+    bag.state(VERDICT, rig.time, {"measured": made.success, "operator": None})
+    kept: list[bytes] = []
+    file.close = lambda: kept.append(file.getvalue())  # type: ignore[method-assign]
+    bag.close()
     return kept[0]
 
 

@@ -94,7 +94,7 @@ inputs:
   stored: data/task.json
   camera: data/view.json
 nodes:
-  task: {rule: demo.task, stored: $stored}
+  task: {rule: demo.task, stored: $stored, lift: {height_m: 0.1}}
   view: {rule: demo.view, stored: $camera}
   robot: {rule: demo.robot, bundle: $task}
   names:
@@ -136,6 +136,12 @@ def built(space: Space) -> Space:
     rules = {"demo/robot.py": ROBOT, "learn/line/line.py": LINE, "learn/line/policy.py": POLICY}
     for name, kind in (("task", "TaskBundle"), ("view", "View")):
         rules[f"demo/{name}.py"] = STORED.replace("NAME", name).replace("KIND", kind)
+    # Trials run the code of the task's primitive.
+    rules["demo/task.py"] = (
+        rules["demo/task.py"]
+        .replace('"""Options."""', '"""Options."""\n    primitive: str = "lift"\n    """Its primitive."""')
+        .replace("version=1", 'version=1, folders={"primitive": "primitives"}')
+    )
     for name, text in rules.items():
         space.write(f"rules/{name}", text.lstrip())
     space.write("recipes/task/try.yaml", RECIPE)
@@ -221,6 +227,28 @@ def test_a_robot_that_falls_silent_over_dds_is_not_moved_any_more(built: Space) 
     assert told["reason"] == "the guard stopped the robot: no joint states arrived for more than 0.4 s"
     assert heard["commands"] == 2 * told["steps"] < 40
     assert heard["commands_after_stop"] == 0
+
+
+@pytest.mark.slow
+def test_a_demonstration_is_recorded_while_another_program_commands(built: Space) -> None:
+    space = built
+    robot = started(space)
+    recorder = space.start("robot", "record", "task/try", "--out", "demo.mcap", "--limit", "2", "--json", *NAMES)
+    try:
+        assert recorder.stderr is not None
+        while "waiting for the first command" not in (line := recorder.stderr.readline()):
+            assert line, "the recorder ended"
+        code, _ = ran(space, "driven.mcap")
+        out, err = recorder.communicate(timeout=60)
+    finally:
+        heard = ended(robot)
+    assert (code, recorder.returncode) == (0, 0), err
+    told = json.loads(out)
+    assert (told["reason"], told["steps"], told["success"]) == ("not done within 2 s", 10, False)
+    assert heard["commands"] == 40  # those of the run alone
+    done = space.build("task/from_robot:episodes", "--input", "task=task/try:task", "--input", "runs=demo.mcap")
+    assert done.code == 1
+    assert "none of 1 recordings shows `LiftBox` done" in done.err
 
 
 @pytest.mark.slow

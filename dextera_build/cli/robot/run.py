@@ -6,7 +6,6 @@ import argparse
 import json
 import sys
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.cli.robot import acting, connected
@@ -16,7 +15,6 @@ if TYPE_CHECKING:
     from dextera_build.deploying.bag import Bag
     from dextera_build.deploying.cell import RosCell, Safety
     from dextera_build.deploying.driving import Drive
-    from dextera_build.deploying.transport import Transport
     from dextera_build.policy.running import Policy
 
 
@@ -24,8 +22,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     connected.arguments(parser)
     acting.arguments(parser)
-    parser.add_argument("--robot", metavar="HOST", default="127.0.0.1", help="address of the robot (127.0.0.1)")
-    parser.add_argument("--out", metavar="FILE", help="the recording to write, .mcap (runs/TASK-TIME.mcap)")
+    connected.recording_arguments(parser, "runs")
     parser.add_argument("--limit", type=float, metavar="S", help="longest run in seconds (of the task)")
     parser.add_argument(
         "--speed", type=float, default=0.5, help="fraction of the joints' speed limits, above 0 to 1 (0.5)"
@@ -50,13 +47,13 @@ def run(args: argparse.Namespace) -> int:
     here = connected.opened(args)
     with called.shown(here.session.project.library):
         policy, digest = acting.policy(args, here)
-        out = Path(args.out or time.strftime(f"runs/{here.bundle.task.name}-%Y%m%d-%H%M%S.mcap"))
+        out = connected.recording(args, here, "runs")
         transport = connected.transport(args, (args.robot,))
         bag = Bag.create(out)
         needed = [channel.name for channel in policy.contract.inputs]
         try:
             cell = RosCell(transport, here.topics, here.bundle, needed, safety, bag)
-            _refuse(args, here, transport, cell)
+            connected.refuse(args, here, transport, cell)
             about = {"policy": digest, "algorithm": policy.contract.algorithm, "origin": "policy"}
             bag.state(ABOUT, time.time_ns(), facts(cell, here.bundle) | about)
             ran, told = _driven(args, here, cell, policy, bag)
@@ -90,26 +87,6 @@ def _safety(args: argparse.Namespace) -> Safety:
     return Safety(limits=GUARDED.model_copy(update={"speed": args.speed}), ramp_s=args.ramp)
 
 
-def _refuse(args: argparse.Namespace, here: Connected, transport: Transport, cell: RosCell) -> None:
-    """Check the robot.
-
-    Raises:
-        MachineError: A check failed.
-    """
-    from dextera_build.deploying.checkup import checkup
-    from dextera_build.errors import MachineError
-
-    checks = checkup(transport, here.topics, cell, here.bundle.robot, time.sleep)
-    failed = [each for each in checks if not each.ok]
-    if failed:
-        raise MachineError(
-            f"the robot at `{args.robot}` is not ready: {failed[0].what}: {failed[0].found}",
-            code="DXB-E442",
-            facts={each.what: each.found for each in failed[1:]},
-            hint=failed[0].mend or f"`dxb robot doctor {args.target} --robot {args.robot}` lists all checks",
-        )
-
-
 def _driven(
     args: argparse.Namespace, here: Connected, cell: RosCell, policy: Policy, bag: Bag
 ) -> tuple[Drive, dict[str, Any]]:
@@ -134,13 +111,5 @@ def _driven(
     )
     told = ran.facts() | (ahead.facts() if ahead else {})
     bag.state(SUMMARY, time.time_ns(), told)
-    bag.state(VERDICT, time.time_ns(), {"measured": ran.success, "operator": _asked(args)})
+    bag.state(VERDICT, time.time_ns(), {"measured": ran.success, "operator": connected.verdict(args)})
     return ran, told
-
-
-def _asked(args: argparse.Namespace) -> bool | None:
-    """The operator's verdict, if one sits there."""
-    if args.json or not sys.stdin.isatty():
-        return None
-    print("did it succeed? y, n, or Enter to keep what was measured: ", end="", file=sys.stderr, flush=True)
-    return {"y": True, "n": False}.get(sys.stdin.readline().strip().lower())

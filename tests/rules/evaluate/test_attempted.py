@@ -81,6 +81,20 @@ def test_episodes_are_what_was_measured_and_sent(tmp_path: Path) -> None:
     assert mixed.parts["robot"].world == "real"
 
 
+def test_a_demonstration_that_another_program_commands_is_an_episode(tmp_path: Path) -> None:
+    rig = RuleRunner(tmp_path)
+    recording = File(data=robots.demonstration())
+    made = rig.run("demonstrate.recorded", bundle=BUNDLE, runs=recording)
+    assert isinstance(made, Episodes)
+    episode = made.items["run"]
+    assert (made.world, episode.origin, episode.success) == ("real", "operator", True)
+    assert np.array_equal(episode.action, episode.executed)
+    assert np.abs(episode.joints[1:] - episode.action[:-1]).max() < 0.05  # the arm follows its commands
+    assert np.ptp(episode.action[:, 2]) > 0.1
+    with pytest.raises(RuleError, match="the recordings are demonstrations"):
+        rig.run("evaluate.attempted", bundle=BUNDLE, runs=recording)
+
+
 def test_a_robot_that_is_simulated_says_so(tmp_path: Path) -> None:
     data = robots.recording(robots.Lifting((robots.OVER,)), operator=True, limit_s=1.0)
     made = RuleRunner(tmp_path).run("evaluate.attempted", bundle=BUNDLE, runs=File(data=data))
