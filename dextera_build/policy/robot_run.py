@@ -15,11 +15,12 @@ from typing import IO, Any
 import numpy as np
 
 from dextera_build.artifacts.base import File, Folder
+from dextera_build.artifacts.tasks.policy import PolicyContract
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError, listing
 from dextera_build.formats.ros import reading
 from dextera_build.policy.declared import BY_NAME
-from dextera_build.policy.layout import embodiment
+from dextera_build.policy.layout import WORLD, embodiment
 from dextera_build.policy.observation import Measurement
 
 OBSERVED, REQUESTED, SENT = "/observed", "/requested", "/sent"
@@ -40,6 +41,12 @@ REAL = "real"
 def topic(prefix: str, term: str) -> str:
     """Topic of a declared term: `/observed/joint_states`."""
     return prefix + BY_NAME[term].topic
+
+
+def told(bundle: TaskBundle, contract: PolicyContract) -> TaskBundle:
+    """The task as a policy on a robot is told it: in the world `real` if input `world` knows that one."""
+    known = next((channel.names for channel in contract.inputs if channel.name == WORLD), ())
+    return bundle.model_copy(update={"kind": REAL}) if REAL in known else bundle
 
 
 @dataclass(frozen=True)

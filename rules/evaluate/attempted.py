@@ -53,8 +53,8 @@ def attempted(
         about["origin"] == "policy", "the recordings are demonstrations", hint="`demonstrate.recorded` reads them"
     )
     record = Record(bundle.model_copy(update={"kind": about["world"]}), "tracked")
-    made: Iterator[tuple[str, Attempt]] = ctx.backend.judged(ctx, record.bundle, found, ctx.backend_options)
-    for name, attempt in made:
+    attempts: Iterator[tuple[str, Attempt]] = ctx.backend.judged(ctx, record.bundle, found, ctx.backend_options)
+    for name, attempt in attempts:
         record.add(attempt)
         ctx.log(f"{name}: {_outcome(attempt)}")
     close(ctx, record)
@@ -64,7 +64,9 @@ def attempted(
         same = sum(each.measured == each.operator for each in verdicts)
         ctx.metric("same verdict from measurements", same, f"of {len(verdicts)}")
     label = options.label or about["algorithm"].upper()
-    return record.trials("policy", label=label, source=about["policy"], algorithm=about["algorithm"])
+    made = record.trials("policy", label=label, source=about["policy"], algorithm=about["algorithm"])
+    # Forces on fingertips are not measured.
+    return made.model_copy(update={"examples": made.examples.model_copy(update={"tip_names": ()})})
 
 
 def _one(ctx: Context, fact: str, runs: Mapping[str, RobotRun]) -> str:

@@ -269,12 +269,13 @@ def test_a_process_that_is_killed_leaves_the_robot_held(killed: str, built: Spac
             assert line, "the run ended"
         time.sleep(3.0)
         {"robot": robot, "policy": server, "run": driver}[killed].kill()
-        out, _ = driver.communicate(timeout=60)
+        out, err = driver.communicate(timeout=60)
         time.sleep(1.0)
     finally:
         server.kill()
         server.wait(60)
     if killed != "run":
+        assert out, err
         told = json.loads(out)
         assert driver.returncode == 1
         assert told["steps"] > 3

@@ -16,6 +16,7 @@ from dextera_build.cli import built
 from dextera_build.engine.graph import parse_address
 from dextera_build.errors import DxbError, RuleError, UsageError, listing
 from dextera_build.explain import ancestors
+from dextera_build.policy.robot_run import REAL
 from dextera_build.report.wording import count
 from dextera_build.session import Session, notices
 
@@ -110,7 +111,8 @@ def _world(session: Session, node: str, artifact: Episodes | Trials) -> TaskBund
     """The task that the episodes were made in: the nearest one behind the node, in the trials' kind of world."""
     bundles = [made for _, made in ancestors.found(session, node, TaskBundle) if isinstance(made, TaskBundle)]
     if isinstance(artifact, Trials):
-        bundles = [made for made in bundles if made.kind == artifact.world]
+        wanted = "twin" if artifact.world == REAL else artifact.world  # a robot is shown in the model of its twin
+        bundles = [made for made in bundles if made.kind == wanted]
     if not bundles:
         raise RuleError(
             f"the task that the episodes of `{node}` were made in is not in the store",

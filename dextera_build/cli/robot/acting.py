@@ -45,20 +45,22 @@ def policy(args: argparse.Namespace, here: Connected) -> tuple[Policy, str]:
 
 def _loaded(args: argparse.Namespace, here: Connected) -> tuple[Policy, str]:
     from dextera_build.artifacts.tasks.policy import Checkpoint
+    from dextera_build.policy import robot_run
     from dextera_build.sim.runtime import policies
 
     checkpoint = built.artifact(args, args.policy, Checkpoint)
     session, node = options.session(args, args.policy, last=True)
     terms = tuple(built.terms(session, node, checkpoint))
     runner = built.runner(session, node, checkpoint)
-    made = policies.load(runner, checkpoint, here.bundle, here.view, terms=terms)
-    return made, session.output(node)
+    bundle = robot_run.told(here.bundle, checkpoint.contract)
+    return policies.load(runner, checkpoint, bundle, here.view, terms=terms), session.output(node)
 
 
 def _asked(args: argparse.Namespace, here: Connected) -> tuple[Policy, str]:
     """The policy behind an address; answers later than the guard allows end the run."""
     from dextera_build.deploying.cell import Safety
     from dextera_build.errors import UsageError
+    from dextera_build.policy import robot_run
     from dextera_build.policy.wire import asked
     from dextera_build.policy.wire.said import connected
     from dextera_build.sim.runtime import policies
@@ -74,4 +76,5 @@ def _asked(args: argparse.Namespace, here: Connected) -> tuple[Policy, str]:
         )
     settings = asked.promised(said.promise, args.policy, key_in, FIRST_S, Safety().answer_s)
     checkpoint = asked.elsewhere(asked.stated(said.promise, said.digest, settings))
-    return policies.load(asked, checkpoint, here.bundle, here.view), said.promise.policy
+    bundle = robot_run.told(here.bundle, checkpoint.contract)
+    return policies.load(asked, checkpoint, bundle, here.view), said.promise.policy

@@ -15,9 +15,11 @@ from dextera_build.artifacts.tasks.episode import Episodes
 from dextera_build.artifacts.tasks.mixture import Mixture
 from dextera_build.artifacts.tasks.trials import Trials
 from dextera_build.errors import ArtifactError, RuleError
+from dextera_build.policy import robot_run
 from dextera_build.testing import RuleRunner
 from tests import task_bundles
 from tests.deploying import robots
+from tests.policy import policies
 
 BUNDLE = task_bundles.lift()
 RAISED_OPEN = np.array([0.3, 0.1, 0.16, 0.05, 0.05])
@@ -93,6 +95,14 @@ def test_a_demonstration_that_another_program_commands_is_an_episode(tmp_path: P
     assert np.ptp(episode.action[:, 2]) > 0.1
     with pytest.raises(RuleError, match="the recordings are demonstrations"):
         rig.run("evaluate.attempted", bundle=BUNDLE, runs=recording)
+
+
+def test_a_policy_that_knows_real_worlds_is_told_that_it_is_in_one() -> None:
+    knows = policies.contract(BUNDLE, ("joints", "world"))
+    assert robot_run.told(BUNDLE, knows).kind == "real"
+    worlds = knows.inputs[1].model_copy(update={"names": ("twin", "reference"), "shape": (2,)})
+    never = knows.model_copy(update={"inputs": (knows.inputs[0], worlds)})
+    assert robot_run.told(BUNDLE, never).kind == "twin"
 
 
 def test_a_robot_that_is_simulated_says_so(tmp_path: Path) -> None:
