@@ -8,9 +8,10 @@ command, and the shift fades out.
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from typing import Any, Protocol
 
 import numpy as np
@@ -43,6 +44,23 @@ class Submits(Protocol):
         """Run a function."""
 
 
+class Threads:
+    """Runs each function in a thread of its own, which does not keep the program from ending if it hangs."""
+
+    def submit(self, function: Callable[..., np.ndarray], /, *args: Any) -> Future[np.ndarray]:
+        """Run a function."""
+        made: Future[np.ndarray] = Future()
+
+        def run() -> None:
+            try:
+                made.set_result(function(*args))
+            except BaseException as error:  # the run raises it
+                made.set_exception(error)
+
+        threading.Thread(target=run, name="policy", daemon=True).start()
+        return made
+
+
 class Ahead:
     """Gives one set of joint targets per control period at once, from the newest chunk.
 
@@ -69,7 +87,7 @@ class Ahead:
     ) -> None:
         self._policy, self._last, self._every, self._answer_s, self._now = policy, last, every, answer_s, now
         self._rate_hz, self._fade = rate_hz, max(1, round(FADE_S * rate_hz))
-        self._worker = worker or ThreadPoolExecutor(1, "policy")
+        self._worker = worker or Threads()
         self.answers_s: list[float] = []
         """Time from each question to its answer [s]."""
         self.ages_s: list[float] = []

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -217,7 +218,8 @@ class RosCell:
 
     def _stated(self, message: bytes, arrived: int) -> None:
         self._record(SIMULATED, message, arrived)
-        self.world = str(wire.unpacked(SIMULATED.kind, message).data)
+        with suppress(wire.UnusableError):
+            self.world = str(wire.unpacked(SIMULATED.kind, message).data)
 
     def _heard(self, topic: Topic, stream: Stream, joints: wire.Joints, message: bytes, arrived: int) -> None:
         self._record(topic, message, arrived)

@@ -9,7 +9,6 @@ import io
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from pathlib import PurePosixPath
 from typing import IO, Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError, listing
 from dextera_build.formats.ros import reading
 from dextera_build.policy.declared import BY_NAME
-from dextera_build.policy.layout import WORLD, embodiment
+from dextera_build.policy.layout import WORLD, WORLDS, embodiment
 from dextera_build.policy.observation import Measurement
 
 OBSERVED, REQUESTED, SENT = "/observed", "/requested", "/sent"
@@ -94,7 +93,8 @@ def every(given: File | Folder, bundle: TaskBundle) -> dict[str, RobotRun]:
             facts={"files": listing(given.files)},
             hint="`dxb run TASK ... --out FOLDER/1.mcap` writes one",
         )
-    return {PurePosixPath(name).stem: read(io.BytesIO(given.files[name]), name, bundle) for name in names}
+    runs = {name: read(io.BytesIO(given.files[name]), name, bundle) for name in names}
+    return {name.removesuffix(".mcap").replace("/", "-"): run for name, run in runs.items()}
 
 
 def read(stream: IO[bytes], name: str, bundle: TaskBundle) -> RobotRun:
@@ -114,21 +114,27 @@ def read(stream: IO[bytes], name: str, bundle: TaskBundle) -> RobotRun:
     wanted = [topic(OBSERVED, term) for term in ("joints", "objects", "displacement")]
     wanted += [topic(REQUESTED, "action"), topic(SENT, "action"), ABOUT, STATUS, VERDICT]
     stream.seek(0)
-    for time, where, message in reading.messages(stream, name, wanted):
-        found.add(time, where, message)
+    with reading.damage(name):
+        for time, where, message in reading.messages(stream, name, wanted):
+            found.add(time, where, message)
     _check(found.about, name, bundle)
-    return found.run()
+    with reading.damage(name):
+        return found.run()
 
 
 def _check(about: Mapping[str, str], name: str, bundle: TaskBundle) -> None:
-    wanted = {"task": bundle.task.name, "embodiment": embodiment(bundle.robot)}
-    for fact, value in wanted.items():
-        if about.get(fact) != value:
-            told = f"of another {'robot' if fact == 'embodiment' else fact}" if about else "no recording of `dxb run`"
+    wanted = {
+        "task": ("task", [bundle.task.name]),
+        "robot": ("embodiment", [embodiment(bundle.robot)]),
+        "control rate": ("rate_hz", [f"{bundle.task.control_hz:g}"]),
+        "kind of world": ("world", WORLDS),
+    }
+    for what, (fact, values) in wanted.items():
+        if about.get(fact) not in values:
             raise RuleError(
-                f"`{name}` is {told}",
+                f"`{name}` is of another {what}" if about else f"`{name}` is no recording of `dxb run`",
                 code="DXB-B552",
-                facts={"recorded": about.get(fact, "nothing"), "needed": value},
+                facts={"recorded": about.get(fact, "nothing"), "needed": listing(values)},
                 hint="give the task that was run as `task`",
             )
 
@@ -147,9 +153,9 @@ class _Found:
     def add(self, time: int, where: str, message: Any) -> None:
         """Take a message."""
         if where == ABOUT:
-            self.about = json.loads(message.data)
+            self.about = _object(message.data)
         elif where == VERDICT:
-            self.verdict = json.loads(message.data)
+            self.verdict = _object(message.data)
         elif where == STATUS:
             self.status = message.data
         else:
@@ -184,6 +190,14 @@ class _Found:
             objects=np.array([of["objects"].get(name, lost) for name in bundle.objects]).reshape(-1, 7),
             displacement=np.array([of["displacement"].get(name, np.nan) for name in bundle.displacement_names]),
         )
+
+
+def _object(text: str) -> dict[str, Any]:
+    """A JSON object."""
+    found = json.loads(text)
+    if not isinstance(found, dict):
+        raise ValueError(f"`{text[:40]}` is no JSON object")
+    return found
 
 
 def _named(where: str, message: Any) -> Iterator[tuple[str, Any]]:

@@ -36,7 +36,7 @@ def attempt(bundle: TaskBundle, run: RobotRun, number: int) -> Attempt:
     if not len(run.sent) or not run.complete:
         return Attempt(seed=number, excluded=UNSEEN if len(run.sent) else UNMOVED)
     mirror = MeasuredState(bundle, staged=True)
-    done = judged(mirror, run)
+    done = judged(mirror, run, bundle.task.control_hz)
     verdicts = Verdicts(measured=done, operator=run.operator)
     success = done if run.operator is None else run.operator
     missing = mirror.missing if not done else OVERRULED
@@ -47,11 +47,10 @@ def attempt(bundle: TaskBundle, run: RobotRun, number: int) -> Attempt:
     return Attempt(seed=number, episode=episode, placed=placed, stage=mirror.stage, verdicts=verdicts)
 
 
-def judged(mirror: MeasuredState, run: RobotRun) -> bool:
+def judged(mirror: MeasuredState, run: RobotRun, rate_hz: float) -> bool:
     """Whether the measurements show that the task was done at any time."""
     mirror.begin(run.measured[0])
-    rate = float(run.about["rate_hz"])
-    return any(mirror.judge(seen, number / rate) for number, seen in enumerate(run.measured[1:], 1))
+    return any(mirror.judge(seen, number / rate_hz) for number, seen in enumerate(run.measured[1:], 1))
 
 
 def _episode(bundle: TaskBundle, run: RobotRun, mirror: MeasuredState, number: int) -> Episode:
