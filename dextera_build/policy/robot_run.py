@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import IO, Any
 
@@ -17,7 +17,7 @@ from dextera_build.artifacts.base import File, Folder
 from dextera_build.artifacts.tasks.policy import PolicyContract
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError, listing
-from dextera_build.formats.ros import reading
+from dextera_build.formats.ros import images, reading
 from dextera_build.policy.declared import BY_NAME
 from dextera_build.policy.layout import WORLD, WORLDS, embodiment
 from dextera_build.policy.observation import Measurement
@@ -33,6 +33,7 @@ VERDICT = "/dxb/verdict"
 """Topic of the verdicts, a JSON object: `measured` and `operator` are true, false, or null for none."""
 STOPPED = "stopped: "
 """Beginning of the status after which nothing is sent."""
+PICTURES = "sensor_msgs/msg/CompressedImage"
 REAL = "real"
 """World of a run whose robot does not say that it is simulated."""
 
@@ -54,6 +55,8 @@ class RobotRun:
 
     about: Mapping[str, str]
     """Facts: `task`, `embodiment`, `world`, `policy`, `algorithm`, `origin`, `rate_hz`, versions and limits."""
+    times: np.ndarray
+    """When each of `measured` was taken, by the clock of the recording [ns]."""
     measured: tuple[Measurement, ...]
     """What was measured before each command, and after the last one (T or T + 1); NaN where nothing was."""
     requested: np.ndarray
@@ -82,9 +85,19 @@ def every(given: File | Folder, bundle: TaskBundle) -> dict[str, RobotRun]:
         RuleError: There is none, or one is of another task or robot.
         ArtifactError: A file is damaged, or was not finished.
     """
+    return {name: read(stream, f"{name}.mcap", bundle) for name, stream in recordings(given)}
+
+
+def recordings(given: File | Folder) -> Iterator[tuple[str, IO[bytes]]]:
+    """Name and content of a recording, or of all recordings `.mcap` of a folder, by name.
+
+    Raises:
+        RuleError: There is none.
+    """
     if isinstance(given, File):
         with given.open() as stream:
-            return {"run": read(stream, "run.mcap", bundle)}
+            yield "run", stream
+        return
     names = sorted(name for name in given.files if name.endswith(".mcap"))
     if not names:
         raise RuleError(
@@ -93,8 +106,39 @@ def every(given: File | Folder, bundle: TaskBundle) -> dict[str, RobotRun]:
             facts={"files": listing(given.files)},
             hint="`dxb run TASK ... --out FOLDER/1.mcap` writes one",
         )
-    runs = {name: read(io.BytesIO(given.files[name]), name, bundle) for name in names}
-    return {name.removesuffix(".mcap").replace("/", "-"): run for name, run in runs.items()}
+    for name in names:
+        yield name.removesuffix(".mcap").replace("/", "-"), io.BytesIO(given.files[name])
+
+
+def shown(stream: IO[bytes], name: str, times: Sequence[int]) -> Iterator[np.ndarray]:
+    """The pictures (H, W, 3) uint8 sRGB that had arrived last at each of these times [ns], in order.
+
+    Raises:
+        RuleError: The recording has no camera, or several, or a picture comes too late.
+        ArtifactError: It is damaged.
+    """
+    cameras = [each.topic for each in reading.index(stream, name)[0] if each.kind == PICTURES]
+    if len(cameras) != 1:
+        raise RuleError(
+            f"`{name}` has the pictures of {listing(cameras) if cameras else 'no camera'}, not of one",
+            code="DXB-B556",
+            hint="`--view` of `dxb run` and `dxb robot record` records those of one camera",
+        )
+    stream.seek(0)
+    pixels, row = None, 0
+    for time, topic, message in reading.messages(stream, name, cameras):
+        while row < len(times) and times[row] < time:
+            yield _first(pixels, name)
+            row += 1
+        pixels = images.pixels(message, topic)
+    for _ in times[row:]:
+        yield _first(pixels, name)
+
+
+def _first(pixels: np.ndarray | None, name: str) -> np.ndarray:
+    if pixels is None:
+        raise RuleError(f"`{name}` has no picture before the first command", code="DXB-B557")
+    return pixels
 
 
 def read(stream: IO[bytes], name: str, bundle: TaskBundle) -> RobotRun:
@@ -173,6 +217,7 @@ class _Found:
         joints = [joint.name for joint in self.bundle.robot.joints]
         return RobotRun(
             about=self.about,
+            times=np.array(rows, np.int64),
             measured=tuple(self._measurement(row) for row in rows),
             requested=_table([requested[time] for time in times], joints),
             sent=_table([sent[time] for time in times], joints),

@@ -71,10 +71,17 @@ class Lifting:
 
 
 def recording(
-    acting: Acting, /, *, operator: bool | None = None, origin: str = "policy", limit_s: float = 12.0, **about: str
+    acting: Acting,
+    /,
+    *,
+    operator: bool | None = None,
+    origin: str = "policy",
+    limit_s: float = 12.0,
+    camera: np.ndarray | None = None,
+    **about: str,
 ) -> bytes:
-    """The recording of a run in the simulated robot; `about` replaces facts."""
-    rig = Rig(out=io.BytesIO())
+    """The recording of a run in the simulated robot, with what its camera shows; `about` replaces facts."""
+    rig = Rig(out=io.BytesIO(), camera=camera)
     rig.sleep(0.1)
     said = {"policy": "0" * 64, "algorithm": "line", "origin": origin}
     rig.bag.state(ABOUT, rig.time, facts(rig.cell, rig.bundle) | said | about)

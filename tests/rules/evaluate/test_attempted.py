@@ -11,13 +11,14 @@ import pytest
 pytest.importorskip("rosbags", reason="needs rosbags (extra `ros`)")
 
 from dextera_build.artifacts.base import Collection, File, Folder
-from dextera_build.artifacts.tasks.episode import Episodes
+from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.mixture import Mixture
+from dextera_build.artifacts.tasks.task import View
 from dextera_build.artifacts.tasks.trials import Trials
 from dextera_build.errors import ArtifactError, RuleError
 from dextera_build.policy import robot_run
 from dextera_build.testing import RuleRunner
-from tests import task_bundles
+from tests import factories, task_bundles
 from tests.deploying import robots
 from tests.policy import policies
 
@@ -95,6 +96,29 @@ def test_a_demonstration_that_another_program_commands_is_an_episode(tmp_path: P
     assert np.ptp(episode.action[:, 2]) > 0.1
     with pytest.raises(RuleError, match="the recordings are demonstrations"):
         rig.run("evaluate.attempted", bundle=BUNDLE, runs=recording)
+
+
+def test_pictures_of_a_robot_become_a_film(tmp_path: Path) -> None:
+    rig = RuleRunner(tmp_path)
+    shown = np.tile(np.arange(32, dtype=np.uint8)[None, :, None] * 6, (24, 1, 3))
+    run = robots.recording(robots.Lifting((robots.OVER,)), operator=True, limit_s=1.0, camera=shown)
+    given = {"bundle": BUNDLE, "runs": Folder(files={"a.mcap": run})}
+    episodes = rig.run("demonstrate.recorded", **given)
+    view = View(
+        camera=factories.camera(32, 24), camera_pose=factories.placed(factories.look_at((0.5, -0.5, 0.7)), "camera")
+    )
+    film = rig.run("demonstrate.robot_film", **given, episodes=episodes, view=view)
+    assert isinstance(film, Film)
+    frames = film.pixels("a")
+    assert frames.shape == (20, 24, 32, 3)
+    assert int(np.abs(frames.astype(int) - shown).max()) <= 6  # noise and JPEG
+    assert len({frame.tobytes() for frame in frames}) > 1
+    other = view.model_copy(update={"camera": factories.camera(64, 48)})
+    with pytest.raises(RuleError, match="have 32 x 24 px, `view` has 64 x 48"):
+        rig.run("demonstrate.robot_film", **given, episodes=episodes, view=other)
+    blind = {"bundle": BUNDLE, "runs": Folder(files={"a.mcap": lifted()})}
+    with pytest.raises(RuleError, match="the pictures of no camera"):
+        rig.run("demonstrate.robot_film", **blind, episodes=rig.run("demonstrate.recorded", **blind), view=view)
 
 
 def test_a_policy_that_knows_real_worlds_is_told_that_it_is_in_one() -> None:
