@@ -23,7 +23,7 @@ GROUPS = {
     },
     "robot": {
         "run": "run a policy on a robot with ROS 2, within limits, and record it",
-        "robot": "check the connection to a robot, or simulate one",
+        "robot": "check the connection to a robot, record a demonstration on it, or simulate one",
     },
     "share": {
         "cache": "push and pull results, collect garbage, verify or serve the store",

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from dextera_build.deploying.transport import Topic
 from dextera_build.formats.ros import messages
 from dextera_build.formats.ros.recording import Recording
+from dextera_build.policy import robot_run
 
 INTERVENTIONS = Topic("/dxb/interventions", "std_msgs/String")
 """Targets that the guard changed, and why it stopped."""
-VERDICTS = Topic("/dxb/verdict", "std_msgs/String")
+ABOUT = Topic(robot_run.ABOUT, "std_msgs/String")
+"""Facts about the run, at its beginning."""
+VERDICT = Topic(robot_run.VERDICT, "std_msgs/String")
 """Success by the measurements, and by the operator."""
+SUMMARY = Topic("/dxb/summary", "std_msgs/String")
+"""What happened in the run, at its end: why it ended, delays, jitter, missed periods."""
 
 CHUNK_BYTES = 1 << 15
 """Size of a chunk: what a crash can lose, two seconds of joint states."""
@@ -57,12 +63,15 @@ class Bag:
         """Write a text."""
         self.add(topic, time, messages.text(words))
 
-    def close(self, facts: Mapping[str, str]) -> None:
-        """Write facts about the run, such as versions, and the index; what was written before a failure is kept."""
+    def state(self, topic: Topic, time: int, facts: Mapping[str, Any]) -> None:
+        """Write plain data as a JSON object, which copies of the recording and `mcap recover` keep."""
+        self.say(topic, time, json.dumps(facts))
+
+    def close(self) -> None:
+        """Write the index; what was written before a failure is kept."""
         with self._lock:
             self._open = False
             with suppress(OSError):
-                self._recording.metadata("dxb", facts)
                 self._recording.finish()
             with suppress(OSError):
                 self._out.close()

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -15,17 +16,18 @@ import numpy as np
 
 from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.artifacts.tasks.task import TaskBundle
-from dextera_build.deploying import wire
+from dextera_build.deploying import periods, wire
 from dextera_build.deploying.bag import INTERVENTIONS, Bag
+from dextera_build.deploying.frozen import Frozen
 from dextera_build.deploying.stream import Sample, Stream
-from dextera_build.deploying.topics import STATUS, Topics
+from dextera_build.deploying.topics import SIMULATED, STATUS, Topics
 from dextera_build.deploying.transport import Topic, Transport
 from dextera_build.errors import listing
 from dextera_build.formats.ros import images, messages
 from dextera_build.formats.ros.reading import SECOND
 from dextera_build.policy.cell import Guard, Stopped
-from dextera_build.policy.declared import BY_NAME
 from dextera_build.policy.observation import Frame, Frames, Measurement
+from dextera_build.policy.robot_run import REAL, REQUESTED, SENT
 from dextera_build.sim.runtime.measured_state import MeasuredState
 
 Sleep = Callable[[float], None]
@@ -98,6 +100,9 @@ class RosCell:
         self.objects = {name: Stream(topics.objects.name, of=name) for name in bundle.objects}
         self.displacement = Stream(topics.displacement.name)
         self.pictures = {camera: Stream(topic.name, depth=4) for camera, topic in topics.pictures.items()}
+        self.world = REAL
+        """World of the robot: `real`, or the one that a simulated robot states."""
+        self._frozen = {camera: Frozen(safety.limits.silence_s) for camera in topics.pictures}
         self._needed = set(needed) & {"objects", "displacement", "rgb"}
         if not bundle.displacement_names:
             self._needed.discard("displacement")
@@ -150,7 +155,10 @@ class RosCell:
             raise self.stop(f"pictures and joint states are {skew:.3f} s apart, more than {self.safety.skew_s:g} s")
         self._anchor, self._measured = joints, self._transport.clock()
         seen = {name: Frame(rgb=self._picture(name, each)) for name, each in shown.items() if each is not None}
-        return Measurement(np.array(joints.value), self._poses(), self._displacement(), {**seen, **(frames or {})})
+        found = Measurement(np.array(joints.value), self._poses(), self._displacement(), {**seen, **(frames or {})})
+        if self._bag is not None:
+            periods.observed(self._bag, self._measured, self._bundle, found)
+        return found
 
     def send(self, targets: np.ndarray) -> np.ndarray:
         """Send joint targets (A,) [rad or m] for one control period; returns the targets sent, within limits.
@@ -168,7 +176,7 @@ class RosCell:
         except Stopped as stopped:
             self._say(stopped.message)
             raise
-        self._intervened(np.asarray(targets, np.float64), sent)
+        self._intervened(np.asarray(targets, np.float64), sent, now)
         # By the robot's clock, so that a controller refuses what arrives when its time is over, after a network's gap.
         stamp = now - round(self.state.offset_s * SECOND)
         for controller in self._topics.controllers:
@@ -204,8 +212,14 @@ class RosCell:
         subscribe(topics.joints, partial(self._heard, topics.joints, self.state, self._joints))
         subscribe(topics.displacement, partial(self._heard, topics.displacement, self.displacement, self._inner))
         subscribe(topics.objects, self._placed)
+        subscribe(SIMULATED, self._stated)
         for camera, topic in topics.pictures.items():
-            subscribe(topic, partial(self._shown, topic, self.pictures[camera]))
+            subscribe(topic, partial(self._shown, camera, topic))
+
+    def _stated(self, message: bytes, arrived: int) -> None:
+        self._record(SIMULATED, message, arrived)
+        with suppress(wire.UnusableError):
+            self.world = str(wire.unpacked(SIMULATED.kind, message).data)
 
     def _heard(self, topic: Topic, stream: Stream, joints: wire.Joints, message: bytes, arrived: int) -> None:
         self._record(topic, message, arrived)
@@ -227,13 +241,18 @@ class RosCell:
             if name in self.objects:
                 self.objects[name].add(Sample(stamp, arrived, pose))
 
-    def _shown(self, topic: Topic, stream: Stream, message: bytes, arrived: int) -> None:
+    def _shown(self, camera: str, topic: Topic, message: bytes, arrived: int) -> None:
+        stream = self.pictures[camera]
         self._record(topic, message, arrived)
         try:
             picture = wire.unpacked(topic.kind, message)
             stream.add(Sample(wire.stamp_of(picture.header), arrived, picture))
         except wire.UnusableError as error:
             stream.broken(str(error))
+            return
+        last = self.state.last
+        if self._frozen[camera].add(bytes(picture.data), arrived, None if last is None else last.value):
+            stream.fault = stream.fault or f"`{camera}` shows the same picture while the robot moves"
 
     def _check(self) -> None:
         """Raise if the measurements or the recording are of no use."""
@@ -248,13 +267,11 @@ class RosCell:
         if why:
             raise self.stop(why)
 
-    def _intervened(self, wanted: np.ndarray, sent: np.ndarray) -> None:
-        """Record the requested targets, and which of them the guard changed."""
-        declared = BY_NAME["action"]
-        topic = Topic(f"/requested{declared.topic}", declared.message)
+    def _intervened(self, wanted: np.ndarray, sent: np.ndarray, now: int) -> None:
+        """Record the targets, and which of them the guard changed."""
+        if self._bag is not None:
+            periods.commanded(self._bag, now, self._bundle, self._period, {REQUESTED: wanted, SENT: sent})
         names = [joint.name for joint in self._bundle.robot.joints]
-        now = self._transport.clock()
-        self._record(topic, messages.joint_trajectory(now, names, wanted, self._period), now)
         changed = np.flatnonzero(np.abs(wanted - sent) > SAME)
         if len(changed):
             self.interventions += 1

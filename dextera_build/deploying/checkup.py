@@ -54,53 +54,67 @@ def checkup(
     sleep(listen_s)
     others = transport.others()
     needed = {stream.topic for stream in cell.needed_streams()}
-    found = [check for topic in topics.measured() if topic.name in needed for check in _published(topic, others)]
-    found += [check for controller in topics.controllers for check in _read(controller.topic, others)]
+    found = [check for topic in topics.measured() if topic.name in needed for check in _matched(topic, others, DRIVER)]
+    found += [check for controller in topics.controllers for check in _matched(controller.topic, others, CONTROLLER)]
     found += [check for stream in cell.needed_streams() for check in _arrives(stream)]
     found += _clock(cell.state, LEAST_STATES * cell.rate_hz)
     found += _joints(cell, robot)
     return tuple(found)
 
 
-def _published(topic: Topic, others: tuple[Endpoint, ...]) -> Iterator[Check]:
-    """Whether somebody publishes a topic as it is read here."""
-    writers = [each for each in others if each.topic == topic.name and each.writes]
-    if not writers:
-        known = sorted({each.topic for each in others if each.writes and each.kind == topic.kind})
-        yield Check(
-            f"{topic.name} is published",
-            False,
-            f"nobody publishes it; of this type: {', '.join(known) or 'none'}",
-            f"name it in the robot's `simulate.ros_names`: `{known[0]}`" if known else "start the driver of the robot",
-        )
-        return
-    yield Check(f"{topic.name} is published", True, f"{len(writers)} writer")
-    yield from _fits(topic, writers[0])
-    yield Check(
-        f"{topic.name} quality",
-        writers[0].quality.admits(topic.quality),
-        f"offered {writers[0].quality}, requested {topic.quality}",
-        f"let the driver publish `{topic.name}` as {topic.quality}",
-    )
+@dataclass(frozen=True)
+class _Side:
+    """What the other program at a topic is, and how to find it."""
+
+    writes: bool
+    """Whether it publishes."""
+    present: str
+    """That it is there."""
+    absent: str
+    """That it is not."""
+    rename: str
+    """Where its topic is named."""
+    start: str
+    """How it starts."""
+    change: str
+    """What would have to change for its quality to fit."""
 
 
-def _read(topic: Topic, others: tuple[Endpoint, ...]) -> Iterator[Check]:
-    """Whether a controller reads a topic of commands as it is published here."""
-    readers = [each for each in others if each.topic == topic.name and not each.writes]
-    if not readers:
-        known = sorted({each.topic for each in others if not each.writes and each.kind == topic.kind})
-        mend = (
-            f"name it in `controllers`: `{known[0]}`" if known else "`ros2 control switch_controllers --activate NAME`"
-        )
-        yield Check(f"{topic.name} has a controller", False, f"nobody reads it; of this type: {known or 'none'}", mend)
+DRIVER = _Side(
+    writes=True,
+    present="is published",
+    absent="nobody publishes it",
+    rename="name it in the robot's `simulate.ros_names`",
+    start="start the driver of the robot",
+    change="let the driver publish",
+)
+CONTROLLER = _Side(
+    writes=False,
+    present="has a controller",
+    absent="nobody reads it",
+    rename="name it in `controllers`",
+    start="`ros2 control switch_controllers --activate NAME`",
+    change="let the controller read",
+)
+
+
+def _matched(topic: Topic, others: tuple[Endpoint, ...], side: _Side) -> Iterator[Check]:
+    """Whether another program publishes a topic as it is read here, or reads it as it is published here."""
+    what = f"{topic.name} {side.present}"
+    found = [each for each in others if each.topic == topic.name and each.writes == side.writes]
+    if not found:
+        known = sorted({each.topic for each in others if each.writes == side.writes and each.kind == topic.kind})
+        told = f"{side.absent}; of this type: {', '.join(known) or 'none'}"
+        yield Check(what, False, told, f"{side.rename}: `{known[0]}`" if known else side.start)
         return
-    yield Check(f"{topic.name} has a controller", True, f"{len(readers)} reader")
-    yield from _fits(topic, readers[0])
+    yield Check(what, True, f"{len(found)} {'writer' if side.writes else 'reader'}")
+    yield from _fits(topic, found[0])
+    offered, requested = (found[0].quality, topic.quality) if side.writes else (topic.quality, found[0].quality)
     yield Check(
         f"{topic.name} quality",
-        topic.quality.admits(readers[0].quality),
-        f"offered {topic.quality}, requested {readers[0].quality}",
-        f"let the controller read `{topic.name}` as {topic.quality}",
+        offered.admits(requested),
+        f"offered {offered}, requested {requested}",
+        f"{side.change} `{topic.name}` as {topic.quality}",
     )
 
 

@@ -29,6 +29,8 @@ WAIT_MS = 100
 """Longest time after which the receiving thread looks whether the transport was closed [ms]."""
 _DOMAINS: dict[int, Any] = {}
 """Domains of this process; only the creation of one takes a configuration, and a process has each domain once."""
+_TYPES = threading.Lock()
+"""Held while a topic is made: cyclonedds registers its type for all participants of the process."""
 ACKNOWLEDGED_NS = 200_000_000
 """Longest time in which a transport that is closed waits for its last messages to arrive [ns]."""
 BATCH = 32
@@ -121,7 +123,8 @@ class Dds:
     def _topic(self, topic: Topic) -> Any:
         """The topic of DDS, one for writers and readers."""
         if topic.name not in self._topics:
-            self._topics[topic.name] = self._api.topic(self._participant, topic)
+            with _TYPES:
+                self._topics[topic.name] = self._api.topic(self._participant, topic)
         return self._topics[topic.name]
 
     def _listen(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 import time
 from collections.abc import Callable
@@ -10,12 +11,15 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dextera_build.deploying.bag import VERDICTS, Bag
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.deploying.cell import RosCell, Sleep
 from dextera_build.errors import DxbError
 from dextera_build.formats.ros.reading import SECOND
 from dextera_build.policy.added import AddedTerms
+from dextera_build.policy.layout import embodiment
 from dextera_build.policy.observation import DeployableObservation, deployable
+from dextera_build.policy.robot_run import STOPPED
+from dextera_build.version import __version__
 
 DONE = "the task is done"
 LATE = "not done within {:g} s"
@@ -49,19 +53,28 @@ class Drive:
     """Number of control periods in which the guard changed targets."""
     delays_s: list[float] = field(default_factory=list)
     """See `RosCell.delays_s`."""
+    jitter_s: list[float] = field(default_factory=list)
+    """Differences of the time between two commands from the control period [s]."""
 
     def facts(self) -> dict[str, Any]:
         """As plain data, with times in milliseconds."""
-        delays = 1000 * np.array(self.delays_s or [np.nan])
         return {
             "reason": self.reason,
             "success": self.success,
             "steps": self.steps,
             "missed_periods": self.missed,
             "interventions": self.interventions,
-            "delay_ms_p50": None if not self.delays_s else round(float(np.quantile(delays, 0.5)), 2),
-            "delay_ms_p99": None if not self.delays_s else round(float(np.quantile(delays, 0.99)), 2),
+            **quantiles("delay", self.delays_s),
+            **quantiles("jitter", self.jitter_s),
         }
+
+
+def quantiles(what: str, times_s: list[float]) -> dict[str, float | None]:
+    """Median and 99th percentile of times, `delay_ms_p50` and `delay_ms_p99`; None without any."""
+    return {
+        f"{what}_ms_p{share}": round(1000 * float(np.quantile(times_s, share / 100)), 2) if times_s else None
+        for share in (50, 99)
+    }
 
 
 @dataclass(frozen=True)
@@ -97,7 +110,7 @@ def drive(
         clock: Time.
         halt: Set by the operator to stop.
     """
-    ran = Drive()
+    ran, sent, period = Drive(), list[int](), round(SECOND / rate_hz)
     try:
         # The first answer may take seconds, in which libraries are loaded; it is not carried out.
         policy.reset()
@@ -106,16 +119,17 @@ def drive(
         measured = cell.begin()
         cell.tell("running")
         ran.success = False if cell.judges else None
-        due, period = clock.now(), round(SECOND / rate_hz)
+        due = clock.now()
         while True:
             if halt is not None and halt.is_set():
                 raise cell.stop("the operator stopped it")
             cell.send(policy.act(deployable(measured, cell.previous_action, goal, added)))
             ran.steps += 1
+            sent.append(clock.now())
             # Commands that follow closely would exceed the speed limits, so that time is not made up.
-            late = clock.now() - due > period // 2
+            late = sent[-1] - due > period // 2
             ran.missed += late
-            due = _next(clock, (clock.now() if late else due) + period)
+            due = _next(clock, (sent[-1] if late else due) + period)
             measured = cell.measure()
             if cell.judges:
                 ran.success = cell.mirror.judge(measured, ran.steps / rate_hz)
@@ -127,17 +141,25 @@ def drive(
     except KeyboardInterrupt:
         ran.reason, ran.faulty = cell.stop("the operator stopped it").message, True
     except Exception as error:
-        cell.tell(f"stopped: {type(error).__name__}: {error}")
+        cell.tell(f"{STOPPED}{type(error).__name__}: {error}")
         raise
     ran.interventions, ran.delays_s = cell.interventions, cell.delays_s
-    cell.tell(f"stopped: {ran.reason}")
+    ran.jitter_s = [abs(later - earlier - period) / SECOND for earlier, later in itertools.pairwise(sent)]
+    cell.tell(STOPPED + ran.reason)
     return ran
 
 
-def verdict(bag: Bag, now: int, measured: bool | None, operator: bool | None) -> None:
-    """Record success by the measurements and by the operator; both are kept."""
-    words = {True: "success", False: "failure", None: "not judged"}
-    bag.say(VERDICTS, now, f"measured: {words[measured]}; operator: {words[operator]}")
+def facts(cell: RosCell, bundle: TaskBundle) -> dict[str, str]:
+    """What a recording says of its run, whatever commands the robot."""
+    return {
+        "dxb": __version__,
+        "task": bundle.task.name,
+        "embodiment": embodiment(bundle.robot),
+        "world": cell.world,
+        "rate_hz": f"{cell.rate_hz:g}",
+        "limits": cell.safety.limits.model_dump_json(),
+        "ramp_s": f"{cell.safety.ramp_s:g}",
+    }
 
 
 def _next(clock: Clock, due: int) -> int:

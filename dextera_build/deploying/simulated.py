@@ -10,44 +10,25 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, Literal, get_args
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from dextera_build.deploying import wire
-from dextera_build.deploying.topics import STATUS, Commanded, Topics
+from dextera_build.deploying.faults import JUMP_NS, LATE_S, LOST, Fault, FaultKind
+from dextera_build.deploying.topics import SIMULATED, STATUS, Commanded, Topics
 from dextera_build.deploying.transport import Quality, Topic, Transport
 from dextera_build.formats.ros import hashes, messages
 from dextera_build.formats.ros.reading import SECOND
 from dextera_build.formats.ros.recording import packed
+from dextera_build.policy import robot_run
 from dextera_build.policy.layout import of_bundle
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.runtime.environment import Environment
 
 STATE_HZ = 100.0
 """Joint states per second [Hz]."""
-STOPPED = "stopped"
-"""First word of the status after which no command may come."""
-FaultKind = Literal[
-    "joint_states_stop", "pictures_stop", "poses_stop", "stamps_jump", "stamps_back", "nan", "joint_missing",
-    "joint_renamed", "cut",
-]  # fmt: skip
-FAULTS: tuple[FaultKind, ...] = get_args(FaultKind)
-JUMP_NS = 3 * SECOND
-"""Jump of the stamps in faults `stamps_jump` and `stamps_back` [ns]."""
-
-
-@dataclass(frozen=True)
-class Fault:
-    """Something that goes wrong."""
-
-    kind: FaultKind
-    """What."""
-    at_s: float
-    """When it begins, after the first command [s]."""
-    for_s: float = float("inf")
-    """How long it lasts [s]."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +63,10 @@ class Heard:
     """Why commands were refused."""
     status: list[str] = field(default_factory=list)
     """What the run said."""
+    last_ns: int = 0
+    """When the last command arrived [ns]."""
+    faults: dict[FaultKind, int] = field(default_factory=dict)
+    """Fault -> when it began [ns]."""
 
 
 class SimulatedRobot:
@@ -117,6 +102,8 @@ class SimulatedRobot:
         self._from, self._to = environment.previous_action.copy(), environment.previous_action.copy()
         self._left, self._span = np.zeros(len(self._names)), np.ones(len(self._names))
         self._waiting: deque[tuple[int, dict[str, float], float]] = deque()
+        self._states: deque[tuple[int, bytes]] = deque()
+        self._picture = b""
         self._ticks, self._moving_since = 0, -1
         self.heard = Heard()
         self.success = False
@@ -124,6 +111,7 @@ class SimulatedRobot:
         for controller in topics.controllers:
             transport.subscribe(controller.topic, partial(self._commanded, controller))
         transport.subscribe(STATUS, self._told)
+        transport.publish(SIMULATED, messages.text(environment.bundle.kind))
 
     def tick(self) -> None:
         """Advance by 10 ms, and publish what is due."""
@@ -138,8 +126,7 @@ class SimulatedRobot:
         if self._faulty("cut"):
             return
         stamp = self._stamp()
-        if not self._faulty("joint_states_stop"):
-            self._transport.publish(_offered(self._topics.joints), self._state(stamp))
+        self._tell_state(stamp)
         if self._ticks % self._pictures == 0 and self._random.uniform() >= self._simulation.loss:
             mujoco.mj_forward(environment.model, environment.data)
             self._see(stamp)
@@ -152,6 +139,15 @@ class SimulatedRobot:
         stamp = self._clock()
         stamp += JUMP_NS if self._faulty("stamps_jump") else 0
         return stamp - (JUMP_NS if self._faulty("stamps_back") else 0)
+
+    def _tell_state(self, stamp: int) -> None:
+        """Publish the joint states that are due, the present one or those that were held back."""
+        lost = self._faulty("joint_states_lost") and self._random.uniform() < LOST
+        if not (lost or self._faulty("joint_states_stop")):
+            held = round(LATE_S * STATE_HZ) if self._faulty("joint_states_late") else 0
+            self._states.append((self._ticks + held, self._state(stamp)))
+        while self._states and self._states[0][0] <= self._ticks:
+            self._transport.publish(_offered(self._topics.joints), self._states.popleft()[1])
 
     def _state(self, stamp: int) -> bytes:
         positions = self.environment.measure().joints
@@ -178,9 +174,10 @@ class SimulatedRobot:
                 self._transport.publish(_offered(self._topics.displacement), inner)
         if self._look is None or self._faulty("pictures_stop"):
             return
-        picture = packed(self._look(), "jpeg")
+        if not (self._picture and self._faulty("pictures_freeze")):
+            self._picture = packed(self._look(), "jpeg")
         for camera, topic in self._topics.pictures.items():
-            self._transport.publish(topic, messages.compressed_image(stamp, camera, "jpeg", picture))
+            self._transport.publish(topic, messages.compressed_image(stamp, camera, "jpeg", self._picture))
 
     def _commanded(self, controller: Commanded, message: bytes, arrived: int) -> None:
         if self._faulty("cut"):
@@ -190,11 +187,11 @@ class SimulatedRobot:
         except wire.UnusableError as error:
             self.heard.unusable.append(str(error))
             return
-        self.heard.commands += 1
+        self.heard.commands, self.heard.last_ns = self.heard.commands + 1, arrived
         if stamp and stamp + round(reach_s * SECOND) < self._clock():
             self.heard.expired += 1
             return
-        self.heard.after_stop += bool(self.heard.status) and self.heard.status[-1].startswith(STOPPED)
+        self.heard.after_stop += bool(self.heard.status) and self.heard.status[-1].startswith(robot_run.STOPPED)
         if self._moving_since < 0:
             self._moving_since = self._ticks
         self._waiting.append((arrived + round(self._simulation.delay_s * SECOND), targets, reach_s))
@@ -224,9 +221,12 @@ class SimulatedRobot:
         if self._moving_since < 0:
             return False
         moving = (self._ticks - self._moving_since) / STATE_HZ
-        return any(
+        found = any(
             each.kind == kind and each.at_s <= moving < each.at_s + each.for_s for each in self._simulation.faults
         )
+        if found:
+            self.heard.faults.setdefault(kind, self._transport.clock())
+        return found
 
 
 def _offered(topic: Topic) -> Topic:
@@ -247,6 +247,7 @@ def facts(robot: SimulatedRobot) -> dict[str, Any]:
         "commands_after_stop": heard.after_stop,
         "unusable": heard.unusable[:5],
         "status": heard.status[-5:],
+        "last_command_after_fault_s": {kind: (heard.last_ns - at) / SECOND for kind, at in heard.faults.items()},
         "joints": dict(zip(layout.joints, places, strict=True)),
         "success": robot.success,
     }

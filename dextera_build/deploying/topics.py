@@ -9,10 +9,13 @@ from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.robots.ros_names import Controller, RosNames
 from dextera_build.deploying.transport import SENSOR, Quality, Topic
 from dextera_build.errors import RuleError, listing
+from dextera_build.policy import robot_run
 from dextera_build.policy.declared import BY_NAME
 
-STATUS = Topic("/dxb/status", "std_msgs/String", Quality(keeps=True, depth=1))
+STATUS = Topic(robot_run.STATUS, "std_msgs/String", Quality(keeps=True, depth=1))
 """What a run does, and why it ended."""
+SIMULATED = Topic("/dxb/simulated", "std_msgs/String", Quality(keeps=True, depth=1))
+"""The world behind a robot that is simulated; real robots do not publish it."""
 COMMAND_KINDS = {"trajectory": "trajectory_msgs/JointTrajectory", "forward": "std_msgs/Float64MultiArray"}
 """Kind of a controller -> type of its commands."""
 

@@ -29,8 +29,10 @@ DOMAINS: dict[WorldKind, str] = {
     "twin": "the twin: a simulation in MuJoCo of a scene that was built from a capture",
     "reference": "the reference world: a simulation with shapes and physics of its own, in the place of hardware",
     "perturbed": "the perturbed twin: a simulation with other shapes and physics, in the place of hardware",
+    "real": "hardware: recordings of a robot",
 }
 """Kind of world -> the domain of its episodes."""
+NOWHERE = " No episode was recorded on hardware."
 MOST_REASONS = 12
 
 
@@ -73,7 +75,7 @@ def _title(bundle: TaskBundle, episodes: Episodes, form: Form, options: FormOpti
         f"{_plural(count, 'episode')}, {steps:,} steps at {episodes.rate_hz:g} Hz "
         f'({steps / episodes.rate_hz / 60:.1f} min), of the task "{words}", as {form.title}.',
         "",
-        f"Domain: {DOMAINS[episodes.world]}. No episode was recorded on hardware.",
+        f"Domain: {DOMAINS[episodes.world]}.{'' if episodes.world == 'real' else NOWHERE}",
     ]
 
 

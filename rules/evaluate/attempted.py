@@ -1,37 +1,89 @@
-"""One trial of a policy from a random start in MuJoCo, with exact poses or through a cell."""
+"""evaluate.attempted: trials from recordings of runs on a robot."""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Iterator, Mapping
+from typing import Any, Protocol
 
-from dextera_build.artifacts.tasks.trials import Attempt
-from dextera_build.errors import RuleError
-from dextera_build.sim.runtime.environment import Environment
-from dextera_build.sim.runtime.rollout import Acting, Look, closed_loop
-from dextera_build.sim.runtime.tracked_cell import TrackedCell
+from dextera_build.artifacts.base import File, Folder
+from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.artifacts.tasks.trials import Attempt, Trials
+from dextera_build.errors import listing
+from dextera_build.policy import robot_run
+from dextera_build.policy.robot_run import RobotRun
+from dextera_build.rule import Context, Options, rule
+
+from .protocol import Record, close
 
 
+class AttemptedOptions(Options):
+    """Options of evaluate.attempted."""
+
+    label: str = ""
+    """Name of the policy in tables; empty: its algorithm, `ACT`."""
+
+
+class AttemptedBackend(Protocol):
+    """Interface of a backend of evaluate.attempted."""
+
+    def judged(
+        self, ctx: Context, bundle: TaskBundle, runs: Mapping[str, RobotRun], options: Any
+    ) -> Iterator[tuple[str, Attempt]]:
+        """Name and attempt of each run, in order."""
+        ...
+
+
+@rule(version=1, packages=("numpy", "mcap", "mcap-ros2-support"), runs={"bundle": "primitive"})
 def attempted(
-    environment: Environment, policy: Acting, seed: int, watching: TrackedCell | None, look: Look | None = None
-) -> Attempt:
-    """Run `policy` from the start of `seed`; a start that cannot be drawn is excluded.
+    ctx: Context[AttemptedBackend], bundle: TaskBundle, runs: File | Folder, *, options: AttemptedOptions
+) -> Trials:
+    """Return the trials in recordings of `dxb run`, one file `.mcap` each, in the order of their names.
 
-    Args:
-        environment: The world.
-        policy: The policy.
-        seed: Seed of the start.
-        watching: Measures the world and judges success from the measurements; None: poses are exact.
-        look: Renders the picture for the policy.
+    A trial is judged by the task's own predicate from what was measured, in the model of the twin `bundle`. If the
+    operator gave a verdict, that one counts; both are kept. Runs in which nothing was sent, or objects were not
+    measured at all times, are left out. The world is `real`, or the one that a simulated robot states.
+
+    Raises:
+        RuleError: There is no recording, or they are of another task or robot, of several policies, or worlds.
+        ArtifactError: A file is damaged, or was not finished.
     """
-    try:
-        start = environment.draw(seed)
-    except RuleError as error:
-        return Attempt(seed=seed, excluded=error.message)
-    environment.staged = True
-    environment.begin(start)
-    placed = environment.object_poses().astype(np.float32)
-    episode = closed_loop(environment, policy, start, look, watching)
-    if watching is not None:
-        watching.settle()
-    stage = int(environment.judge.stage[0])
-    return Attempt(seed=seed, episode=episode, placed=placed, stage=stage, sighting=watching and watching.sighting)
+    found = robot_run.every(runs, bundle)
+    about = {fact: _one(ctx, fact, found) for fact in ("policy", "algorithm", "world", "origin")}
+    ctx.check(
+        about["origin"] == "policy", "the recordings are demonstrations", hint="`demonstrate.recorded` reads them"
+    )
+    record = Record(bundle.model_copy(update={"kind": about["world"]}), "tracked")
+    attempts: Iterator[tuple[str, Attempt]] = ctx.backend.judged(ctx, record.bundle, found, ctx.backend_options)
+    for name, attempt in attempts:
+        record.add(attempt)
+        ctx.log(f"{name}: {_outcome(attempt)}")
+    close(ctx, record)
+    verdicts = [trial.verdicts for trial in record.items if trial.verdicts and trial.verdicts.operator is not None]
+    ctx.metric("judged by the operator", len(verdicts), f"of {len(record.items)}")
+    if verdicts:
+        same = sum(each.measured == each.operator for each in verdicts)
+        ctx.metric("same verdict from measurements", same, f"of {len(verdicts)}")
+    label = options.label or about["algorithm"].upper()
+    made = record.trials("policy", label=label, source=about["policy"], algorithm=about["algorithm"])
+    # Forces on fingertips are not measured.
+    return made.model_copy(update={"examples": made.examples.model_copy(update={"tip_names": ()})})
+
+
+def _one(ctx: Context, fact: str, runs: Mapping[str, RobotRun]) -> str:
+    """A fact that must be the same in all recordings."""
+    values = {name: run.about.get(fact, "") for name, run in runs.items()}
+    ctx.check(
+        len(set(values.values())) == 1,
+        f"the recordings differ in `{fact}`",
+        found=listing(f"{name}: {value[:12]}" for name, value in values.items()),
+        hint="give the runs of one policy in one world as a folder of their own",
+    )
+    return next(iter(values.values()))
+
+
+def _outcome(attempt: Attempt) -> str:
+    if attempt.episode is None:
+        return attempt.excluded
+    given = attempt.verdicts.operator if attempt.verdicts else None
+    said = {None: "", True: ", by the operator", False: ", by the operator"}[given]
+    return ("success" if attempt.episode.success else attempt.episode.reason) + said

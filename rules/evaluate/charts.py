@@ -13,10 +13,12 @@ from .panels import INK, PAPER, typeface
 FRAME, FAINT, RULE = (120, 126, 136), (176, 182, 190), (226, 228, 232)
 WORLDS = {
     "twin": (58, 110, 165),
+    "twin, tracked": (28, 66, 110),
     "reference": (214, 120, 46),
     "reference, tracked": (150, 78, 22),
     "perturbed": (150, 104, 170),
     "perturbed, tracked": (98, 60, 116),
+    "real, tracked": (70, 140, 90),
 }
 """Colour of each kind of world, with and without tracked objects, the same in every chart."""
 HUES = ((58, 110, 165), (214, 120, 46), (70, 140, 90), (170, 70, 90), (120, 90, 160), (110, 110, 110))

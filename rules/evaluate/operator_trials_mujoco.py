@@ -17,8 +17,8 @@ from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.rollout import Acting
 from dextera_build.sim.runtime.tracked_cell import TrackedCell
 
-from .attempted import attempted
 from .filmed import stills as stills
+from .simulated_attempt import simulated
 
 if TYPE_CHECKING:
     from .operator_trials import Case
@@ -41,7 +41,7 @@ def operated(ctx: Context, twin: TaskBundle, cases: list[Case], options: Options
         there, cell = Environment(some[0].world), some[0].cell
         with nullcontext() if cell is None else TrackedCell(there, cell, twin.objects, twin) as watching:
             for case in some:
-                yield attempted(there, operator, case.seed, watching)
+                yield simulated(there, operator, case.seed, watching)
 
 
 def _practised(ctx: Context, twin: TaskBundle) -> Acting:

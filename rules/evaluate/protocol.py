@@ -74,6 +74,7 @@ class Record:
                 steps=len(episode.action),
                 stage=len(self.stages) if episode.success else attempt.stage,
                 sighting=attempt.sighting,
+                verdicts=attempt.verdicts,
             )
         )
 
@@ -92,13 +93,13 @@ class Record:
         """Sum of the fractions of stages that the trials reached."""
         return Rate(sum(trial.stage for trial in self.items) / len(self.stages), len(self.items))
 
-    def trials(self, actor: Actor, *, label: str, source: Artifact, algorithm: str = "") -> Trials:
-        """Return the recorded trials as an artifact."""
+    def trials(self, actor: Actor, *, label: str, source: Artifact | str, algorithm: str = "") -> Trials:
+        """Return the recorded trials as an artifact; `source` is what acted, or its digest."""
         return Trials(
             actor=actor,
             label=label,
             algorithm=algorithm,
-            source=digest_of(source),
+            source=source if isinstance(source, str) else digest_of(source),
             task=self.bundle.task,
             embodiment=embodiment(self.bundle.robot),
             robot=robot_name(self.bundle),
@@ -153,7 +154,8 @@ def close(ctx: Context, record: Record, of: str = "") -> None:
     if without:
         ctx.metric("without a trial", without, f"of {len(record.items) + without}")
     how = ", poses tracked" if record.poses == "tracked" else ""
-    ctx.say(f"{rate} in the {record.bundle.kind}{how}" + (f", {without} starts left out" if without else ""))
+    place = "real world" if record.bundle.kind == "real" else record.bundle.kind
+    ctx.say(f"{rate} in the {place}{how}" + (f", {without} starts left out" if without else ""))
     _tell(ctx, [(trial.success, trial.sighting) for trial in record.items if trial.sighting is not None])
     for reason, count in tally(trial.reason for trial in record.items if not trial.success).items():
         ctx.log(f"{count} x {reason}")

@@ -66,7 +66,7 @@ def success_rates(ctx: Context, trials: Collection[Trials], *, options: SuccessR
             " last; mean over trials, with an interval that is rather too wide",
             "mean time: of the successes, from the start to the verdict, the time that success must hold included",
             "judged alike: trials with a tracker in which the predicate gives the same verdict on the measurements as"
-            " on the truth, whose verdict counts",
+            " on the truth, or on a robot as the operator, whose verdict counts",
             "left out: starts that brought no trial, because no start without collisions was found, or because nothing"
             " succeeded in the twin that could be replayed; they are no failures and do not enter the rate",
         ),
@@ -74,10 +74,15 @@ def success_rates(ctx: Context, trials: Collection[Trials], *, options: SuccessR
 
 
 def _judged(trials: Trials) -> str | None:
-    """`19 of 20`, or None if no trial was judged by measurements."""
+    """`19 of 20`, or None if no trial was judged twice."""
     seen = [
         trial.sighting.success == trial.success
         for trial in trials.items
         if trial.sighting is not None and trial.sighting.success is not None
+    ]
+    seen += [
+        trial.verdicts.measured == trial.verdicts.operator
+        for trial in trials.items
+        if trial.verdicts is not None and trial.verdicts.operator is not None
     ]
     return f"{sum(seen)} of {len(seen)}" if seen else None

@@ -18,7 +18,7 @@ from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.policies import load
 from dextera_build.sim.runtime.tracked_cell import TrackedCell
 
-from .attempted import attempted
+from .simulated_attempt import simulated
 
 
 @contextmanager
@@ -54,7 +54,7 @@ def trying(
     with opened as look, tracked as watching:
 
         def attempt(slot: str, seed: int) -> Attempt:
-            return attempted(environment, policies[slot], seed, watching, look if slot in seeing else None)
+            return simulated(environment, policies[slot], seed, watching, look if slot in seeing else None)
 
         yield attempt
 

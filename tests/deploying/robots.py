@@ -11,9 +11,10 @@ import numpy as np
 
 from dextera_build.artifacts.robots.ros_names import RosNames
 from dextera_build.deploying import topics as tables
-from dextera_build.deploying.bag import Bag
+from dextera_build.deploying.bag import ABOUT, SUMMARY, VERDICT, Bag
 from dextera_build.deploying.cell import RosCell, Safety
-from dextera_build.deploying.driving import Acting, Clock, Drive, drive
+from dextera_build.deploying.demonstration import Demonstration
+from dextera_build.deploying.driving import Acting, Clock, Drive, drive, facts
 from dextera_build.deploying.loopback import Bus, Loopback
 from dextera_build.deploying.simulated import SimulatedRobot, Simulation
 from dextera_build.policy.observation import DeployableObservation
@@ -43,6 +44,89 @@ class Line:
         return self.targets
 
 
+OVER, AROUND, CLOSED, UP = (
+    np.array([0.3, 0.1, 0.1, 0.05, 0.05]),
+    np.array([0.3, 0.1, 0.0, 0.05, 0.05]),
+    np.array([0.3, 0.1, 0.0, 0.01, 0.01]),
+    np.array([0.3, 0.1, 0.16, 0.01, 0.01]),
+)
+"""Slides of the gantry on the way to a lifted box: x, y, z, left, right [m]."""
+
+
+@dataclass
+class Lifting:
+    """Lifts the box, 30 control periods from place to place."""
+
+    places: tuple[np.ndarray, ...] = (OVER, AROUND, CLOSED, UP)
+    steps: int = 0
+
+    def reset(self) -> None:
+        self.steps = 0
+
+    def act(self, observation: DeployableObservation) -> np.ndarray:
+        path = (np.array([0.0, 0.0, 0.0, 0.05, 0.05]), *self.places, self.places[-1])
+        leg, done = divmod(min(self.steps, 30 * len(self.places)), 30)
+        self.steps += 1
+        return np.asarray(path[leg] + (path[leg + 1] - path[leg]) * done / 30)
+
+
+def recording(
+    acting: Acting,
+    /,
+    *,
+    operator: bool | None = None,
+    origin: str = "policy",
+    limit_s: float = 12.0,
+    camera: np.ndarray | None = None,
+    **about: str,
+) -> bytes:
+    """The recording of a run in the simulated robot, with what its camera shows; `about` replaces facts."""
+    rig = Rig(out=io.BytesIO(), camera=camera)
+    rig.sleep(0.1)
+    said = {"policy": "0" * 64, "algorithm": "line", "origin": origin}
+    rig.bag.state(ABOUT, rig.time, facts(rig.cell, rig.bundle) | said | about)
+    ran = rig.drive(acting, limit_s)
+    rig.bag.state(SUMMARY, rig.time, ran.facts())
+    rig.bag.state(VERDICT, rig.time, {"measured": ran.success, "operator": operator})
+    kept: list[bytes] = []
+    rig.file.close = lambda: kept.append(rig.file.getvalue())
+    rig.bag.close()
+    return kept[0]
+
+
+def demonstration() -> bytes:
+    """The recording of a demonstration that another program, a run, commands in the simulated robot."""
+    rig = Rig()
+    file = io.BytesIO()
+    bag, transport = Bag(file), Loopback(rig.bus)
+    topics = tables.of_robot(rig.bundle.robot, RosNames())
+    cell = RosCell(transport, topics, rig.bundle, NEEDED, bag=bag, sleep=rig.sleep)
+    made = Demonstration(transport, topics, rig.bundle, cell, bag)
+    about = {"policy": "", "algorithm": "", "origin": "operator", "world": "real"}
+    bag.state(ABOUT, rig.time, facts(cell, rig.bundle) | about)
+
+    class Watched(Lifting):
+        """Each control period of the other program is one of the recording, too."""
+
+        def act(self, observation: DeployableObservation) -> np.ndarray:
+            if made.commanded and not made.steps:
+                made.begin()
+            if made.commanded and not made.success:
+                made.step()
+            return super().act(observation)
+
+    rig.drive(Watched(), 12.0)
+    while not made.success and made.steps < 400:
+        rig.sleep(0.05)
+        made.step()
+    made.end("the operator ended it")
+    bag.state(VERDICT, rig.time, {"measured": made.success, "operator": None})
+    kept: list[bytes] = []
+    file.close = lambda: kept.append(file.getvalue())  # type: ignore[method-assign]
+    bag.close()
+    return kept[0]
+
+
 class Rig:
     """A robot, its world, and a cell that is connected to it.
 
@@ -69,7 +153,7 @@ class Rig:
         self.bus = Bus(now=lambda: self.time)
         cameras = () if camera is None else ("workspace",)
         topics = tables.of_robot(self.bundle.robot, names or RosNames(), cameras)
-        look = None if camera is None else lambda: camera
+        look = None if camera is None else lambda: camera + np.uint8(self.time // TICK_NS % 2)  # as noise
         self.robot = SimulatedRobot(
             Loopback(self.bus), topics, Environment(self.bundle), simulation or Simulation(), look
         )

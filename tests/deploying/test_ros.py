@@ -52,7 +52,7 @@ def test_a_node_of_ros_2_is_driven(cut_s: float, tmp_path: Path) -> None:
         last = cell.state.last
         got = node.ended()
         transport.close()
-        bag.close({"test": "ros"})
+        bag.close()
     assert got["late"] == 0
     assert got["status"][-1] == f"stopped: {ran.reason}"
     assert ran.faulty == bool(cut_s), ran.reason

@@ -7,6 +7,7 @@ import json
 import os
 import signal
 import subprocess
+import time
 from pathlib import Path
 from typing import Any
 
@@ -93,7 +94,7 @@ inputs:
   stored: data/task.json
   camera: data/view.json
 nodes:
-  task: {rule: demo.task, stored: $stored}
+  task: {rule: demo.task, stored: $stored, lift: {height_m: 0.1}}
   view: {rule: demo.view, stored: $camera}
   robot: {rule: demo.robot, bundle: $task}
   names:
@@ -135,6 +136,12 @@ def built(space: Space) -> Space:
     rules = {"demo/robot.py": ROBOT, "learn/line/line.py": LINE, "learn/line/policy.py": POLICY}
     for name, kind in (("task", "TaskBundle"), ("view", "View")):
         rules[f"demo/{name}.py"] = STORED.replace("NAME", name).replace("KIND", kind)
+    # Trials run the code of the task's primitive.
+    rules["demo/task.py"] = (
+        rules["demo/task.py"]
+        .replace('"""Options."""', '"""Options."""\n    primitive: str = "lift"\n    """Its primitive."""')
+        .replace("version=1", 'version=1, folders={"primitive": "primitives"}')
+    )
     for name, text in rules.items():
         space.write(f"rules/{name}", text.lstrip())
     space.write("recipes/task/try.yaml", RECIPE)
@@ -161,9 +168,9 @@ def ended(robot: subprocess.Popen[str]) -> dict[str, Any]:
     return found
 
 
-def ran(space: Space, out: str, *more: str) -> tuple[int, dict[str, Any]]:
+def ran(space: Space, out: str, *more: str, policy: str = "task/try:policy") -> tuple[int, dict[str, Any]]:
     """A run of the policy: exit code and what it tells."""
-    command = ("run", "task/try", "--policy", "task/try:policy", "--robot", "127.0.0.1", "--out", out, "--json")
+    command = ("run", "task/try", "--policy", policy, "--robot", "127.0.0.1", "--out", out, "--json")
     done = space.dxb(*command, *NAMES, *more)
     assert done.out, done.err
     return done.code, json.loads(done.out)
@@ -203,6 +210,9 @@ def test_a_policy_drives_a_robot_over_dds(built: Space) -> None:
     assert counts["/rails/commands"] == counts["/hand/trajectory"] == counts["/requested/joint_trajectory"] == 20
     assert counts["/joint_states"] > 100
     assert counts[PICTURES] > 5
+    done = space.build("task/from_robot", "--input", "task=task/try:task", "--input", "runs=whole.mcap")
+    assert done.code == 0, done.err[-3000:]
+    assert "0 of 1" in space.dxb("show", "task/from_robot:trials").out
 
 
 @pytest.mark.slow
@@ -217,6 +227,89 @@ def test_a_robot_that_falls_silent_over_dds_is_not_moved_any_more(built: Space) 
     assert told["reason"] == "the guard stopped the robot: no joint states arrived for more than 0.4 s"
     assert heard["commands"] == 2 * told["steps"] < 40
     assert heard["commands_after_stop"] == 0
+
+
+@pytest.mark.slow
+def test_a_demonstration_is_recorded_while_another_program_commands(built: Space) -> None:
+    space = built
+    robot = started(space)
+    recorder = space.start("robot", "record", "task/try", "--out", "demo.mcap", "--limit", "2", "--json", *NAMES)
+    try:
+        assert recorder.stderr is not None
+        while "waiting for the first command" not in (line := recorder.stderr.readline()):
+            assert line, "the recorder ended"
+        code, _ = ran(space, "driven.mcap")
+        out, err = recorder.communicate(timeout=60)
+    finally:
+        heard = ended(robot)
+    assert (code, recorder.returncode) == (0, 0), err
+    told = json.loads(out)
+    assert (told["reason"], told["steps"], told["success"]) == ("not done within 2 s", 10, False)
+    assert heard["commands"] == 40  # those of the run alone
+    done = space.build("task/from_robot:episodes", "--input", "task=task/try:task", "--input", "runs=demo.mcap")
+    assert done.code == 1
+    assert "none of 1 recordings shows `LiftBox` done" in done.err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("killed", ["robot", "policy", "run"])
+def test_a_process_that_is_killed_leaves_the_robot_held(killed: str, built: Space) -> None:
+    pytest.importorskip("websockets", reason="needs websockets (extra `serve`)")
+    space = built
+    server = space.start("serve", "task/try:policy", "--port", "0", "--json")
+    assert server.stdout is not None
+    address = json.loads(server.stdout.readline())["url"]
+    robot = started(space)
+    driver = space.start(
+        "run", "task/try", "--policy", address, "--out", "killed.mcap", "--json", "--limit", "60", *NAMES
+    )
+    try:
+        assert driver.stderr is not None
+        while "press Ctrl-C" not in (line := driver.stderr.readline()):
+            assert line, "the run ended"
+        time.sleep(3.0)
+        {"robot": robot, "policy": server, "run": driver}[killed].kill()
+        out, err = driver.communicate(timeout=60)
+        time.sleep(1.0)
+    finally:
+        server.kill()
+        server.wait(60)
+    if killed != "run":
+        assert out, err
+        told = json.loads(out)
+        assert driver.returncode == 1
+        assert told["steps"] >= 1
+        why = {"robot": "joint states", "policy": "policy at"}  # a busy machine is late before it is silent
+        assert why[killed] in told["reason"]
+    if killed == "robot":
+        robot.wait(60)
+        return
+    before = ended(robot)
+    assert before["commands_after_stop"] == 0
+    assert before["commands"] < 2 * 5 * 10  # far fewer than the run would have sent
+    assert before["joints"]["x"] == pytest.approx(TARGETS["x"], abs=5e-3)
+
+
+@pytest.mark.slow
+def test_a_policy_of_another_process_drives_a_robot_over_dds(built: Space) -> None:
+    pytest.importorskip("websockets", reason="needs websockets (extra `serve`)")
+    space = built
+    server = space.start("serve", "task/try:policy", "--port", "0", "--json")
+    assert server.stdout is not None
+    address = json.loads(server.stdout.readline())["url"]
+    robot = started(space)
+    try:
+        code, told = ran(space, "served.mcap", policy=address)
+    finally:
+        heard = ended(robot)
+        server.send_signal(signal.SIGINT)
+        assert server.wait(60) == 0
+    assert (code, told["reason"]) == (0, "not done within 4 s")
+    assert 2 * told["steps"] == heard["commands"] == 40
+    assert heard["joints"] == pytest.approx(TARGETS, abs=5e-3)
+    nobody = space.dxb("run", "task/try", "--policy", address, *NAMES)
+    assert nobody.code == 4
+    assert "DXB-E328" in nobody.err
 
 
 @pytest.mark.parametrize(

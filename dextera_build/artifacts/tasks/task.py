@@ -13,9 +13,10 @@ from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.artifacts.tasks.goals import Goal
 
-WorldKind = Literal["twin", "reference", "perturbed"]
+WorldKind = Literal["twin", "reference", "perturbed", "real"]
 """`twin`: built from the capture. `reference`: a simulated world with its own truth and physics, a substitute for
-hardware. `perturbed`: the twin with disturbed geometry and physics, if no reference world exists. None is real."""
+hardware. `perturbed`: the twin with disturbed geometry and physics, if no reference world exists. `real`: a robot, of
+which only recordings exist."""
 
 
 ActionKind = Literal["joint", "delta", "end_effector"]

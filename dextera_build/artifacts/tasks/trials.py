@@ -39,6 +39,15 @@ class Sighting(Value):
     """Success judged from measurements by the same predicate; None: not evaluated."""
 
 
+class Verdicts(Value):
+    """Judgements of a trial on a robot, where no true state is known."""
+
+    measured: bool
+    """By the task's predicate, from what was measured."""
+    operator: bool | None
+    """By the operator, whose verdict counts; None: not asked."""
+
+
 class Trial(Value):
     """One attempt from one start."""
 
@@ -56,6 +65,8 @@ class Trial(Value):
     """The last of `Trials.stages` that was reached at any time, by the true state, from 1; 0: none."""
     sighting: Sighting | None = None
     """Accuracy of the tracker; None for exact poses."""
+    verdicts: Verdicts | None = None
+    """How it was judged on a robot; None in a simulation, whose true state is known."""
 
 
 class Attempt(Artifact):
@@ -75,6 +86,8 @@ class Attempt(Artifact):
     """The rollout in the twin that is replayed."""
     sighting: Sighting | None = None
     """Accuracy of the tracker; None for exact poses."""
+    verdicts: Verdicts | None = None
+    """How it was judged on a robot; None in a simulation."""
 
 
 class Trials(Artifact):
@@ -95,7 +108,7 @@ class Trials(Artifact):
     robot: str
     """Name of the robot's model."""
     world: WorldKind
-    """Kind of world; none is real."""
+    """Kind of world; `real` for trials on a robot."""
     poses: Poses = "exact"
     """Source of the actor's object poses."""
     stages: tuple[str, ...]

@@ -9,15 +9,13 @@ import sys
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from dextera_build.cli import options
+from dextera_build.cli import built, options
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from dextera_build.artifacts.tasks.policy import Checkpoint
     from dextera_build.artifacts.tasks.task import TaskBundle
-    from dextera_build.artifacts.tasks.term import TermSpec
-    from dextera_build.policy.running import Runner
     from dextera_build.serving.served import Served
     from dextera_build.session import Session
 
@@ -112,16 +110,13 @@ def _served(session: Session, node: str) -> Served:
     found = session.artifact(node)
     if not isinstance(found, Checkpoint):
         hint = f"`dxb ls {session.recipe}` lists nodes; a policy is a Checkpoint"
-        raise UsageError(f"`{named(session, node)}` is a {found.name()}, not a policy", code="DXB-U340", hint=hint)
+        told = f"`{built.named(session, node)}` is a {found.name()}, not a policy"
+        raise UsageError(told, code="DXB-U340", hint=hint)
     if told := stubs.told(session, node):
         notices[told] = None
     bundle = _bundle(session, node, found)
-    return Served(runner(session, node, found), found, session.output(node), bundle, tuple(terms(session, node, found)))
-
-
-def named(session: Session, node: str) -> str:
-    """The node as it is typed."""
-    return f"{session.recipe}:{node}"
+    runner, terms = built.runner(session, node, found), tuple(built.terms(session, node, found))
+    return Served(runner, found, session.output(node), bundle, terms)
 
 
 def _bundle(session: Session, node: str, checkpoint: Checkpoint) -> TaskBundle:
@@ -141,37 +136,8 @@ def _bundle(session: Session, node: str, checkpoint: Checkpoint) -> TaskBundle:
     raise RuleError(
         f"the task that `{node}` was trained for is not in the store",
         code="DXB-B404",
-        hint=f"`dxb build --whole '{named(session, node)}'`",
+        hint=f"`dxb build --whole '{built.named(session, node)}'`",
     )
-
-
-def runner(session: Session, node: str, checkpoint: Checkpoint) -> Runner:
-    """`policy.py` next to the rule that trained a policy."""
-    from dextera_build.code.companions import beside
-    from dextera_build.explain import ancestors
-    from dextera_build.policy.running import Runner
-    from dextera_build.running import called
-
-    algorithm = checkpoint.contract.algorithm
-    rules = {event["rule"] for kind, event in ancestors.behind(session, node) if kind == checkpoint.name()}
-    near = (beside(session.project.library.find(rule), "policy") for rule in sorted(rules))
-    found = [each for each in near if each.name == algorithm and each.file.is_file()]
-    found_runner: Runner = called.running({"checkpoint": found})("checkpoint", algorithm, Runner)
-    return found_runner
-
-
-def terms(session: Session, node: str, checkpoint: Checkpoint) -> Iterator[TermSpec]:
-    """Terms of a policy's inputs that do not come with dxb, from the episodes that it learned from."""
-    from dextera_build.artifacts.tasks.episode import Episodes
-    from dextera_build.explain import ancestors
-    from dextera_build.policy.contract import CHANNELS
-
-    wanted = {channel.name for channel in checkpoint.contract.inputs} - set(CHANNELS)
-    for _, made in ancestors.found(session, node, Episodes) if wanted else ():
-        if isinstance(made, Episodes):
-            for name in sorted(wanted & made.terms.keys()):
-                yield made.terms[name]
-            wanted -= made.terms.keys()
 
 
 def _lines(served: Served) -> Iterator[str]:

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from dextera_build.artifacts.cameras.camera import Photograph
-from dextera_build.artifacts.core.identity import parse
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.scenes.scene import Scene
 from dextera_build.artifacts.tasks.episode import Episodes
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.artifacts.tasks.trials import Trials
 from dextera_build.building import fetch, part
+from dextera_build.cli import built
 from dextera_build.engine.graph import parse_address
 from dextera_build.errors import DxbError, RuleError, UsageError, listing
 from dextera_build.explain import ancestors
+from dextera_build.policy.robot_run import REAL
 from dextera_build.report.wording import count
 from dextera_build.session import Session, notices
 
@@ -114,7 +114,8 @@ def _world(session: Session, node: str, artifact: Episodes | Trials) -> TaskBund
     """The task that the episodes were made in: the nearest one behind the node, in the trials' kind of world."""
     bundles = [made for _, made in ancestors.found(session, node, TaskBundle) if isinstance(made, TaskBundle)]
     if isinstance(artifact, Trials):
-        bundles = [made for made in bundles if made.kind == artifact.world]
+        wanted = "twin" if artifact.world == REAL else artifact.world  # a robot is shown in the model of its twin
+        bundles = [made for made in bundles if made.kind == wanted]
     if not bundles:
         raise RuleError(
             f"the task that the episodes of `{node}` were made in is not in the store",
@@ -139,8 +140,8 @@ def _materials(session: Session, node: str) -> dict[str, str]:
 
 def _recipe(session: Session) -> Fill:
     """The recipe's task, or else the twin's scene from the parts that the last build made, or as it was written."""
-    nodes = _by_type(session)
-    if (own := own_task(session)) is not None:
+    nodes = built.by_type(session)
+    if (own := built.own_task(session)) is not None:
         fetch.bring(session, nodes.get("Asset", []))
         return _task(session, *own)
     if missing := [kind for kind in PARTS if kind not in nodes]:
@@ -155,17 +156,6 @@ def _recipe(session: Session) -> Fill:
     if named and named[0] not in bare:
         nodes["Segmentation"] = named
     return _as_written(session, nodes, bare) if {*bare} - {*named} else _scene(session, nodes)
-
-
-def own_task(session: Session) -> tuple[str, TaskBundle] | None:
-    """The node of a recipe's own task, and the task; None if it was not built or there is none."""
-    for node in _by_type(session).get("TaskBundle", []):
-        # Nodes of other recipes have those recipes' names; the nodes of a recipe itself are its subject.
-        if ":" not in node:
-            fetch.bring(session, [node])
-            if isinstance(bundle := session.artifact(node), TaskBundle):
-                return node, bundle
-    return None
 
 
 def _as_written(session: Session, nodes: dict[str, list[str]], bare: list[str]) -> Fill:
@@ -244,17 +234,6 @@ def _binder(session: Session, nodes: dict[str, list[str]], photograph: Photograp
         return f"`{name}` is bound in dxb.lock; `dxb build {session.recipe}` renames it"
 
     return bind
-
-
-def _by_type(session: Session) -> dict[str, list[str]]:
-    """Artifact type -> the recipe's own nodes of the last build that returned one, with or without bytes."""
-    found: dict[str, list[str]] = {}
-    for node in session.last_nodes:
-        result = session.store.actions.find(session.past(node).key)
-        if result is not None:  # else it is no longer in the store
-            header = json.loads(session.store.blobs.get(result.result.output))
-            found.setdefault(parse(header["artifact"])[0], []).append(node)
-    return found
 
 
 def _is(index: str, asked: str) -> bool:

@@ -12,11 +12,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dextera_build.cli import options
+from dextera_build.cli import built, options
 
 if TYPE_CHECKING:
-    from dextera_build.artifacts.tasks.task import TaskBundle
-    from dextera_build.session import Session
     from dextera_build.teleop.live import Opened
     from dextera_build.teleop.webcam import Webcam
 
@@ -64,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
 
     session, node = options.session(args, args.target, last=True)
     with called.shown(session.project.library):
-        node, bundle = task(args.target, session, node, "teleop")
+        node, bundle = built.task(args.target, session, node, "teleop")
         name = session.recipe.rpartition("/")[2]
         out = Path(args.out or f"recordings/{name}.mcap")
         wanted = live.Wanted(
@@ -93,31 +91,6 @@ def run(args: argparse.Namespace) -> int:
     if ended.takes:
         print(replay)
     return 0
-
-
-def task(target: str, session: Session, node: str, verb: str) -> tuple[str, TaskBundle]:
-    """The node of a recipe's task, and the task.
-
-    Raises:
-        UsageError: It is none, or was not built.
-    """
-    from dextera_build.artifacts.tasks.task import TaskBundle
-    from dextera_build.building import fetch
-    from dextera_build.cli.look import shown
-    from dextera_build.errors import UsageError
-
-    if node:
-        fetch.bring(session, [node] if node in session.history else [])
-        found = session.artifact(node)
-        if isinstance(found, TaskBundle):
-            return node, found
-    elif (own := shown.own_task(session)) is not None:
-        return own
-    raise UsageError(
-        f"`{target}` is no task that was built" if not node else f"`{target}` is a {found.name()}, not a task",
-        code="DXB-U333",
-        hint=f"`dxb build {session.recipe}:task`, then `dxb {verb} ...` again",
-    )
 
 
 def _starts(path: str | None) -> tuple[int, ...]:

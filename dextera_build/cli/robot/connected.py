@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import argparse
 import sys
+import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from dextera_build.cli import options
+from dextera_build.cli import built, options
 
 if TYPE_CHECKING:
-    from dextera_build.artifacts.base import Artifact
     from dextera_build.artifacts.tasks.task import TaskBundle, View
+    from dextera_build.deploying.cell import RosCell
     from dextera_build.deploying.checkup import Check
     from dextera_build.deploying.topics import Topics
     from dextera_build.deploying.transport import Transport
     from dextera_build.session import Session
 
-T = TypeVar("T", bound="Artifact")
 CAMERA = "workspace"
 
 
@@ -55,37 +56,14 @@ def opened(args: argparse.Namespace) -> Connected:
     """
     from dextera_build.artifacts.robots.ros_names import RosNames
     from dextera_build.artifacts.tasks.task import View
-    from dextera_build.cli.look.teleop import task
     from dextera_build.deploying import topics
 
     session, node = options.session(args, args.target, last=True)
-    _, bundle = task(args.target, session, node, args.verb)
-    names = artifact(args, args.names, RosNames) if args.names else RosNames()
-    view = artifact(args, args.view, View) if args.view else None
+    verb = " ".join(filter(None, (args.verb, getattr(args, "what", ""))))
+    _, bundle = built.task(args.target, session, node, verb)
+    names = built.artifact(args, args.names, RosNames) if args.names else RosNames()
+    view = built.artifact(args, args.view, View) if args.view else None
     return Connected(session, bundle, topics.of_robot(bundle.robot, names, (args.camera,) if view else ()), view)
-
-
-def artifact(args: argparse.Namespace, target: str, kind: type[T]) -> T:
-    """The artifact of a node that was built.
-
-    Raises:
-        UsageError: It is of another type.
-    """
-    from dextera_build.building import fetch
-    from dextera_build.errors import UsageError
-
-    session, node = options.session(args, target, last=True)
-    if node:
-        fetch.bring(session, [node] if node in session.history else [])
-        found = session.artifact(node)
-        if isinstance(found, kind):
-            return found
-    raise UsageError(
-        f"`{target}` is no {kind.name()}" if node else f"`{target}` names no node",
-        code="DXB-U345",
-        facts={"needed": kind.name()},
-        hint=f"`dxb ls {session.recipe}` lists nodes and their types",
-    )
 
 
 def transport(args: argparse.Namespace, peers: tuple[str, ...]) -> Transport:
@@ -112,3 +90,42 @@ def shown(checks: tuple[Check, ...]) -> list[dict[str, Any]]:
         if not each.ok and each.mend:
             print(f"     {each.mend}", file=sys.stderr)
     return [{"check": each.what, "ok": each.ok, "found": each.found, "mend": each.mend} for each in checks]
+
+
+def refuse(args: argparse.Namespace, here: Connected, transport: Transport, cell: RosCell) -> None:
+    """Check a robot before its run.
+
+    Raises:
+        MachineError: A check failed.
+    """
+    from dextera_build.deploying.checkup import checkup
+    from dextera_build.errors import MachineError
+
+    checks = checkup(transport, here.topics, cell, here.bundle.robot, time.sleep)
+    failed = [each for each in checks if not each.ok]
+    if failed:
+        raise MachineError(
+            f"the robot at `{args.robot}` is not ready: {failed[0].what}: {failed[0].found}",
+            code="DXB-E442",
+            facts={each.what: each.found for each in failed[1:]},
+            hint=failed[0].mend or f"`dxb robot doctor {args.target} --robot {args.robot}` lists all checks",
+        )
+
+
+def verdict(args: argparse.Namespace) -> bool | None:
+    """The operator's verdict, if one sits there."""
+    if args.json or not sys.stdin.isatty():
+        return None
+    print("did it succeed? y, n, or Enter to keep what was measured: ", end="", file=sys.stderr, flush=True)
+    return {"y": True, "n": False}.get(sys.stdin.readline().strip().lower())
+
+
+def recording_arguments(parser: argparse.ArgumentParser, folder: str) -> None:
+    """Add the arguments of verbs that record a robot."""
+    parser.add_argument("--robot", metavar="HOST", default="127.0.0.1", help="address of the robot (127.0.0.1)")
+    parser.add_argument("--out", metavar="FILE", help=f"the recording to write, .mcap ({folder}/TASK-TIME.mcap)")
+
+
+def recording(args: argparse.Namespace, here: Connected, folder: str) -> Path:
+    """The recording to write."""
+    return Path(args.out or time.strftime(f"{folder}/{here.bundle.task.name}-%Y%m%d-%H%M%S.mcap"))

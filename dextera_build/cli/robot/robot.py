@@ -1,4 +1,4 @@
-"""`dxb robot`: check the connection to a robot, or simulate one behind the same topics."""
+"""`dxb robot`: check the connection to a robot, record a demonstration on it, or simulate one."""
 
 from __future__ import annotations
 
@@ -10,13 +10,15 @@ import time
 from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
-from dextera_build.cli.robot import connected
+from dextera_build.cli.robot import connected, record
 
 if TYPE_CHECKING:
-    from dextera_build.deploying.simulated import Fault, SimulatedRobot
+    from dextera_build.deploying.faults import Fault
+    from dextera_build.deploying.simulated import SimulatedRobot
 
 _ACTIONS = {
     "doctor": "check topics, types, clock and joints of a robot against the model; nothing moves",
+    "record": "record a demonstration that another program commands; nothing is sent",
     "simulate": "put a task's world behind the topics of a robot, in real time, for trying without one",
 }
 LATE_S = 0.5
@@ -32,6 +34,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         if name == "doctor":
             sub.add_argument("--robot", metavar="HOST", default="127.0.0.1", help="address of the robot (127.0.0.1)")
             sub.add_argument("--listen", type=float, default=3.0, metavar="S", help="time to listen in seconds (3)")
+        elif name == "record":
+            connected.recording_arguments(sub, "recordings")
+            sub.add_argument("--limit", type=float, metavar="S", help="longest recording in seconds (of the task)")
         else:
             _simulate_arguments(sub)
 
@@ -56,7 +61,7 @@ def _simulate_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the action."""
-    return {"doctor": _doctor, "simulate": _simulate}[args.what](args)
+    return {"doctor": _doctor, "record": record.run, "simulate": _simulate}[args.what](args)
 
 
 def _doctor(args: argparse.Namespace) -> int:
@@ -126,7 +131,7 @@ def _fault(text: str) -> Fault:
     Raises:
         UsageError: There is no such kind, or a time is no number.
     """
-    from dextera_build.deploying.simulated import FAULTS, Fault
+    from dextera_build.deploying.faults import FAULTS, Fault
     from dextera_build.errors import UsageError, listing
 
     kind, _, when = text.partition("@")

@@ -6,63 +6,66 @@ import argparse
 import json
 import sys
 import time
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from dextera_build.cli.robot import connected
+from dextera_build.cli.robot import acting, connected
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from dextera_build.cli.robot.connected import Connected
     from dextera_build.deploying.bag import Bag
     from dextera_build.deploying.cell import RosCell, Safety
     from dextera_build.deploying.driving import Drive
-    from dextera_build.deploying.transport import Transport
     from dextera_build.policy.running import Policy
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     connected.arguments(parser)
-    parser.add_argument(
-        "--policy", metavar="RECIPE:NODE", required=True, help="a policy that was built, also one of learn.served"
-    )
-    parser.add_argument("--robot", metavar="HOST", default="127.0.0.1", help="address of the robot (127.0.0.1)")
-    parser.add_argument("--out", metavar="FILE", help="the recording to write, .mcap (runs/TASK-TIME.mcap)")
+    acting.arguments(parser)
+    connected.recording_arguments(parser, "runs")
     parser.add_argument("--limit", type=float, metavar="S", help="longest run in seconds (of the task)")
     parser.add_argument(
         "--speed", type=float, default=0.5, help="fraction of the joints' speed limits, above 0 to 1 (0.5)"
     )
     parser.add_argument("--ramp", type=float, default=1.5, metavar="S", help="time until that speed is allowed (1.5)")
+    parser.add_argument(
+        "--asynchronous",
+        action="store_true",
+        help="ask the policy in a thread of its own while the robot carries out the steps of its last answer",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     """Check the robot, run the policy, and write the recording; exit with 1 unless the run ended by itself."""
-    from dextera_build.deploying.bag import Bag
+    from dextera_build.deploying.bag import ABOUT, Bag
     from dextera_build.deploying.cell import RosCell
+    from dextera_build.deploying.driving import facts
     from dextera_build.errors import MachineError
     from dextera_build.running import called
 
     safety = _safety(args)
     here = connected.opened(args)
     with called.shown(here.session.project.library):
-        policy, digest = _policy(args, here)
-        out = Path(args.out or time.strftime(f"runs/{here.bundle.task.name}-%Y%m%d-%H%M%S.mcap"))
+        policy, digest = acting.policy(args, here)
+        out = connected.recording(args, here, "runs")
         transport = connected.transport(args, (args.robot,))
         bag = Bag.create(out)
         needed = [channel.name for channel in policy.contract.inputs]
         try:
             cell = RosCell(transport, here.topics, here.bundle, needed, safety, bag)
-            _refuse(args, here, transport, cell)
-            ran = _driven(args, here, cell, policy, bag)
+            connected.refuse(args, here, transport, cell)
+            about = {"policy": digest, "algorithm": policy.contract.algorithm, "origin": "policy"}
+            bag.state(ABOUT, time.time_ns(), facts(cell, here.bundle) | about)
+            ran, told = _driven(args, here, cell, policy, bag)
         except MachineError:
             out.unlink()  # nothing was run
             raise
         finally:
             transport.close()
-            bag.close(_facts(here, digest, safety))
-    return _told(args, ran, out)
+            bag.close()
+    told["recording"] = str(out)
+    print(json.dumps(told) if args.json else "\n".join(f"{name}\t{value}" for name, value in told.items()))
+    return 1 if ran.faulty else 0
 
 
 def _safety(args: argparse.Namespace) -> Safety:
@@ -84,91 +87,29 @@ def _safety(args: argparse.Namespace) -> Safety:
     return Safety(limits=GUARDED.model_copy(update={"speed": args.speed}), ramp_s=args.ramp)
 
 
-def _policy(args: argparse.Namespace, here: Connected) -> tuple[Policy, str]:
-    """The policy, ready to run, and the digest of its checkpoint."""
-    from dextera_build.artifacts.tasks.policy import Checkpoint
-    from dextera_build.cli import options
-    from dextera_build.cli.look import serve
-    from dextera_build.sim.runtime import policies
-
-    checkpoint = connected.artifact(args, args.policy, Checkpoint)
-    session, node = options.session(args, args.policy, last=True)
-    terms = tuple(serve.terms(session, node, checkpoint))
-    runner = serve.runner(session, node, checkpoint)
-    made = policies.load(runner, checkpoint, here.bundle, here.view, terms=terms)
-    return made, session.output(node)
-
-
-def _refuse(args: argparse.Namespace, here: Connected, transport: Transport, cell: RosCell) -> None:
-    """Check the robot.
-
-    Raises:
-        MachineError: A check failed.
-    """
-    from dextera_build.deploying.checkup import checkup
-    from dextera_build.errors import MachineError
-
-    checks = checkup(transport, here.topics, cell, here.bundle.robot, time.sleep)
-    failed = [each for each in checks if not each.ok]
-    if failed:
-        raise MachineError(
-            f"the robot at `{args.robot}` is not ready: {failed[0].what}: {failed[0].found}",
-            code="DXB-E442",
-            facts={each.what: each.found for each in failed[1:]},
-            hint=failed[0].mend or f"`dxb robot doctor {args.target} --robot {args.robot}` lists all checks",
-        )
-
-
-def _driven(args: argparse.Namespace, here: Connected, cell: RosCell, policy: Policy, bag: Bag) -> Drive:
+def _driven(
+    args: argparse.Namespace, here: Connected, cell: RosCell, policy: Policy, bag: Bag
+) -> tuple[Drive, dict[str, Any]]:
+    """What happened, and as plain data with what the policy's thread did."""
     import numpy as np
 
-    from dextera_build.deploying.driving import drive, verdict
+    from dextera_build.deploying.ahead import Ahead
+    from dextera_build.deploying.bag import SUMMARY, VERDICT
+    from dextera_build.deploying.driving import drive
     from dextera_build.sim.primitives import catalogue
 
     task = here.bundle.task
     print(f"{task.name} at {task.control_hz:g} Hz on {args.robot}; press Ctrl-C to stop", file=sys.stderr, flush=True)
     goal = catalogue.of(task, here.bundle.objects).goal.numbers(here.bundle.base_pose.inverse().matrix)
+    ahead = Ahead.of(policy, cell) if args.asynchronous else None
     ran = drive(
         cell,
-        policy,
+        ahead or policy,
         np.array(goal, np.float32),
         rate_hz=task.control_hz,
         limit_s=args.limit or task.timeout_s,
     )
-    verdict(bag, time.time_ns(), ran.success, _asked(args))
-    return ran
-
-
-def _asked(args: argparse.Namespace) -> bool | None:
-    """The operator's verdict, if one sits there."""
-    if args.json or not sys.stdin.isatty():
-        return None
-    print("did it succeed? y, n, or Enter to keep what was measured: ", end="", file=sys.stderr, flush=True)
-    return {"y": True, "n": False}.get(sys.stdin.readline().strip().lower())
-
-
-def _facts(here: Connected, digest: str, safety: Safety) -> Mapping[str, str]:
-    """What a recording says of its run."""
-    from dextera_build import __version__
-    from dextera_build.policy.layout import embodiment
-
-    return {
-        "dxb": __version__,
-        "task": here.bundle.task.name,
-        "policy": digest,
-        "embodiment": embodiment(here.bundle.robot),
-        "rate_hz": f"{here.bundle.task.control_hz:g}",
-        "limits": safety.limits.model_dump_json(),
-        "ramp_s": f"{safety.ramp_s:g}",
-    }
-
-
-def _told(args: argparse.Namespace, ran: Drive, out: Path) -> int:
-    """Print what happened; the recording goes to stdout."""
-    facts = ran.facts() | {"recording": str(out)}
-    if args.json:
-        print(json.dumps(facts))
-    else:
-        for name, value in facts.items():
-            print(f"{name}\t{value}")
-    return 1 if ran.faulty else 0
+    told = ran.facts() | (ahead.facts() if ahead else {})
+    bag.state(SUMMARY, time.time_ns(), told)
+    bag.state(VERDICT, time.time_ns(), {"measured": ran.success, "operator": connected.verdict(args)})
+    return ran, told

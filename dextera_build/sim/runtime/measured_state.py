@@ -49,13 +49,14 @@ class MeasuredState:
 
     Args:
         twin: The task in the twin, without any information on the measured world.
+        staged: Whether `stage` is followed.
 
     Raises:
         RuleError: MuJoCo cannot load the model.
     """
 
-    def __init__(self, twin: TaskBundle) -> None:
-        self._twin = twin
+    def __init__(self, twin: TaskBundle, *, staged: bool = False) -> None:
+        self._twin, self._staged = twin, staged
         self._model = compile_folder(twin.model)
         # MuJoCo adds the margins of two geoms; within the gap a contact is listed without a force.
         self._model.geom_margin[:] = NEAR_M / 2
@@ -72,12 +73,27 @@ class MeasuredState:
         """Begin an episode with its first measurement."""
         mujoco.mj_resetDataKeyframe(self._model, self._data, 0)
         self._earlier.clear()
-        self._judge = Judge(self._twin.task, self.state(measured, 0.0), self._twin.objects)
+        self._judge = Judge(self._twin.task, self.state(measured, 0.0), self._twin.objects, staged=self._staged)
 
     def judge(self, measured: Measurement, time_s: float) -> bool:
         """Whether the task is done, `time_s` after the beginning [s], given this measurement and the earlier ones."""
         assert self._judge is not None, "`begin` comes first"
         return bool(self._judge.update(self.state(measured, time_s))[0])
+
+    @property
+    def stage(self) -> int:
+        """The last stage of the primitive that was reached, from 1; 0: none."""
+        return 0 if self._judge is None else int(self._judge.stage[0])
+
+    @property
+    def missing(self) -> str:
+        """What the task lacks by the last measurement, in a few words; empty if its condition holds."""
+        return "" if self._judge is None else str(self._judge.reasons[0])
+
+    def positions(self, measured: Measurement) -> np.ndarray:
+        """MuJoCo positions (Q,) of the twin's model in the measured state."""
+        self._put(measured)
+        return np.array(self._data.qpos)
 
     def state(self, measured: Measurement, time_s: float) -> TaskState:
         """The quantities that determine success (N = 1); forces are only directions here."""
@@ -120,12 +136,16 @@ class MeasuredState:
 
     def palms(self, joints: np.ndarray) -> np.ndarray:
         """Positions (L, 3) of the palms in the base at joint positions (A,) [m]; the origin if there is no palm."""
+        return self.palm_poses(joints)[:, :3]
+
+    def palm_poses(self, joints: np.ndarray) -> np.ndarray:
+        """Poses (L, 7) of the palms in the base at joint positions (A,); the identity if there is no palm."""
         pose_robot(self._twin.robot, self._data, joints)
         mujoco.mj_kinematics(self._model, self._data)
-        found = np.zeros((len(self._hands.palms), 3))
+        found = np.tile([0.0, 0, 0, 1, 0, 0, 0], (len(self._hands.palms), 1))
         for row, palm in zip(found, self._hands.palms, strict=True):
             if palm >= 0:
-                row[:] = transforms.apply(self._base_from_world, self._data.site_xpos[[palm]])[0]
+                row[:] = poses.from_matrix(self._base_from_world @ self._site(palm))
         return found
 
     def _site(self, number: int) -> np.ndarray:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 from typing import Any, Protocol
 
-import numpy as np
-
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.tasks.policy import Channel, Checkpoint, PolicyContract
 from dextera_build.artifacts.tasks.task import TaskBundle, View
@@ -15,15 +13,13 @@ from dextera_build.policy import contract as contracts
 from dextera_build.policy import instruction
 from dextera_build.policy.added import listed
 from dextera_build.policy.layout import Layout, of_bundle
+from dextera_build.policy.wire.asked import Settings, elsewhere, promised, stated
 from dextera_build.policy.wire.opening import POSTED
-from dextera_build.policy.wire.promise import Promise
+from dextera_build.policy.wire.said import Said
 from dextera_build.rule import Context, rule
 
-from .said import Said
 from .served_options import ServedOptions
 
-NO_WEIGHTS = (2).to_bytes(8, "little") + b"{}"
-"""A safetensors file without tensors."""
 DEFAULT = ("joints", "objects", "displacement", "goal")
 """Inputs of a policy that states none."""
 
@@ -54,37 +50,16 @@ def served(
     said = ctx.backend.asked(ctx, options, ctx.backend_options)
     added = listed(terms)
     here = of_bundle(bundle, view, terms=added)
-    contract = _stated(said.promise) if said.promise else _given(here, options)
     settings = _settings(ctx, bundle, said, options)
-    contract = contract.model_copy(update={"settings": settings, "dataset": said.digest})
+    contract = stated(said.promise, said.digest, settings) if said.promise else _given(here, said, options, settings)
     contracts.check(contract, bundle, view=view, terms=added)
     inputs = ", ".join(channel.name for channel in contract.inputs)
     steps = f"{settings['every']} of {settings['horizon']} steps"
     ctx.say(f"{said.promise.algorithm if said.promise else 'a policy'} at {options.address}: {inputs}; {steps}")
-    return Checkpoint(
-        weights=NO_WEIGHTS,
-        contract=contract,
-        steps=np.zeros(0, np.int64),
-        curve=np.zeros(0, np.float32),
-        curve_name="trained elsewhere",
-    )
+    return elsewhere(contract)
 
 
-def _stated(promise: Promise) -> PolicyContract:
-    """The contract that a server of dxb states."""
-    return PolicyContract(
-        algorithm="served",
-        task=promise.task,
-        embodiment=promise.embodiment,
-        inputs=tuple(each.channel() for each in promise.inputs),
-        action=Channel(name="action", shape=(len(promise.joints),), names=promise.joints),
-        rate_hz=promise.rate_hz,
-        dataset="",
-        settings={},
-    )
-
-
-def _given(here: Layout, options: ServedOptions) -> PolicyContract:
+def _given(here: Layout, said: Said, options: ServedOptions, settings: Settings) -> PolicyContract:
     """The contract that the options and the task give; nothing is normalised, and poses stay quaternions."""
     names = options.inputs or (("rgb",) if options.address.startswith(POSTED) else DEFAULT)
     channels = (contracts.channel(here, name) for name in names)
@@ -97,14 +72,12 @@ def _given(here: Layout, options: ServedOptions) -> PolicyContract:
         ),
         action=Channel(name="action", shape=(len(here.joints),), names=here.joints),
         rate_hz=here.rate_hz,
-        dataset="",
-        settings={},
+        dataset=said.digest,
+        settings=settings,
     )
 
 
-def _settings(
-    ctx: Context, bundle: TaskBundle, said: Said, options: ServedOptions
-) -> dict[str, float | int | str | bool]:
+def _settings(ctx: Context, bundle: TaskBundle, said: Said, options: ServedOptions) -> Settings:
     """What `policy.py` needs; of overlapping answers of other servers, the newest counts alone."""
     promise = said.promise
     horizon = promise.horizon if promise else options.horizon or 1
@@ -115,22 +88,21 @@ def _settings(
     every = options.every or (promise.every if promise else horizon)
     if every > horizon:
         ctx.fail(f"an answer has {horizon} steps, fewer than are to be carried out", every=every)
+    own: Settings = {"every": every, "unnorm_key": options.unnorm_key, "revision": options.revision}
     posted = options.address.startswith(POSTED)
-    words = options.instruction or instruction.of_task(bundle.task)
-    return {
+    own["keys"] = json.dumps({**({"rgb": "image"} if posted else {}), **options.keys}, sort_keys=True)
+    own["instruction_key"] = options.instruction_key or ("instruction" if posted else "prompt")
+    if promise:
+        return promised(promise, options.address, options.key_in, options.first_s, options.answer_s) | own
+    return own | {
         "address": options.address,
         "horizon": horizon,
-        "every": every,
-        "history": promise.history if promise else 1,
-        "used": horizon if promise else every,
-        "forget": promise.forget if promise else 0.0,
-        "reset": promise.reset if promise else "",
-        "keys": json.dumps({**({"rgb": "image"} if posted else {}), **options.keys}, sort_keys=True),
-        "instruction": "" if promise else words,
-        "instruction_key": options.instruction_key or ("instruction" if posted else "prompt"),
-        "unnorm_key": options.unnorm_key,
+        "history": 1,
+        "used": every,
+        "forget": 0.0,
+        "reset": "",
+        "instruction": options.instruction or instruction.of_task(bundle.task),
         "key_in": options.key_in,
         "first_s": options.first_s,
         "answer_s": options.answer_s,
-        "revision": options.revision,
     }

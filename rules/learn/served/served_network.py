@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dextera_build.policy.wire.said import Said, connected
 from dextera_build.rule import Backend, Context, Options
-
-from .said import Said, connected
 
 if TYPE_CHECKING:
     from .served_options import ServedOptions

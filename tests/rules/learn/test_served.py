@@ -20,6 +20,7 @@ from dextera_build.errors import MachineError, RuleError
 from dextera_build.policy.running import Policy, PolicyFault
 from dextera_build.policy.wire import link
 from dextera_build.policy.wire.codec import pack, unpack
+from dextera_build.policy.wire.said import connected
 from dextera_build.testing import RuleRunner
 from tests import episodes
 from tests.policy import policies
@@ -131,7 +132,7 @@ def test_a_server_that_does_not_read_is_left_after_its_limit(tmp_path: Path) -> 
         time.sleep(1.5)
 
     with servers.scripted(deaf) as address:
-        opened = policies.runner("served").connected(address, "")[0]
+        opened = connected(address, "")[0]
         with pytest.raises(PolicyFault) as caught:
             opened.ask({"rgb": np.zeros(2**25, np.uint8)}, 0.1)
         assert caught.value.code in ("DXB-B540", "DXB-B541")

@@ -1,0 +1,129 @@
+"""What verbs take from a recipe that was built: its task, an artifact of a type, the code and terms of a policy."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from typing import TYPE_CHECKING, TypeVar
+
+from dextera_build.cli import options
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from dextera_build.artifacts.base import Artifact
+    from dextera_build.artifacts.tasks.policy import Checkpoint
+    from dextera_build.artifacts.tasks.task import TaskBundle
+    from dextera_build.artifacts.tasks.term import TermSpec
+    from dextera_build.policy.running import Runner
+    from dextera_build.session import Session
+
+T = TypeVar("T", bound="Artifact")
+
+
+def named(session: Session, node: str) -> str:
+    """A node as it is typed."""
+    return f"{session.recipe}:{node}"
+
+
+def task(target: str, session: Session, node: str, verb: str) -> tuple[str, TaskBundle]:
+    """The node of a recipe's task, and the task.
+
+    Raises:
+        UsageError: It is none, or was not built.
+    """
+    from dextera_build.artifacts.tasks.task import TaskBundle
+    from dextera_build.building import fetch
+    from dextera_build.errors import UsageError
+
+    if node:
+        fetch.bring(session, [node] if node in session.history else [])
+        found = session.artifact(node)
+        if isinstance(found, TaskBundle):
+            return node, found
+    elif (own := own_task(session)) is not None:
+        return own
+    raise UsageError(
+        f"`{target}` is no task that was built" if not node else f"`{target}` is a {found.name()}, not a task",
+        code="DXB-U333",
+        hint=f"`dxb build {session.recipe}:task`, then `dxb {verb} ...` again",
+    )
+
+
+def own_task(session: Session) -> tuple[str, TaskBundle] | None:
+    """The node of a recipe's own task, and the task; None if it was not built or there is none."""
+    from dextera_build.artifacts.tasks.task import TaskBundle
+    from dextera_build.building import fetch
+
+    for node in by_type(session).get("TaskBundle", []):
+        # Nodes of other recipes have those recipes' names; the nodes of a recipe itself are its subject.
+        if ":" not in node:
+            fetch.bring(session, [node])
+            if isinstance(bundle := session.artifact(node), TaskBundle):
+                return node, bundle
+    return None
+
+
+def by_type(session: Session) -> dict[str, list[str]]:
+    """Artifact type -> the recipe's own nodes of the last build that returned one, with or without bytes."""
+    from dextera_build.artifacts.core.identity import parse
+
+    found: dict[str, list[str]] = {}
+    for node in session.last_nodes:
+        result = session.store.actions.find(session.past(node).key)
+        if result is not None:  # else it is no longer in the store
+            header = json.loads(session.store.blobs.get(result.result.output))
+            found.setdefault(parse(header["artifact"])[0], []).append(node)
+    return found
+
+
+def artifact(args: argparse.Namespace, target: str, kind: type[T]) -> T:
+    """The artifact of a node that was built.
+
+    Raises:
+        UsageError: It is of another type.
+    """
+    from dextera_build.building import fetch
+    from dextera_build.errors import UsageError
+
+    session, node = options.session(args, target, last=True)
+    if node:
+        fetch.bring(session, [node] if node in session.history else [])
+        found = session.artifact(node)
+        if isinstance(found, kind):
+            return found
+    raise UsageError(
+        f"`{target}` is no {kind.name()}" if node else f"`{target}` names no node",
+        code="DXB-U345",
+        facts={"needed": kind.name()},
+        hint=f"`dxb ls {session.recipe}` lists nodes and their types",
+    )
+
+
+def runner(session: Session, node: str, checkpoint: Checkpoint) -> Runner:
+    """`policy.py` next to the rule that trained a policy."""
+    from dextera_build.code.companions import beside
+    from dextera_build.explain import ancestors
+    from dextera_build.policy.running import Runner
+    from dextera_build.running import called
+
+    algorithm = checkpoint.contract.algorithm
+    rules = {event["rule"] for kind, event in ancestors.behind(session, node) if kind == checkpoint.name()}
+    near = (beside(session.project.library.find(rule), "policy") for rule in sorted(rules))
+    found = [each for each in near if each.name == algorithm and each.file.is_file()]
+    found_runner: Runner = called.running({"checkpoint": found})("checkpoint", algorithm, Runner)
+    return found_runner
+
+
+def terms(session: Session, node: str, checkpoint: Checkpoint) -> Iterator[TermSpec]:
+    """Terms of a policy's inputs that do not come with dxb, from the episodes that it learned from."""
+    from dextera_build.artifacts.tasks.episode import Episodes
+    from dextera_build.explain import ancestors
+    from dextera_build.policy.contract import CHANNELS
+
+    wanted = {channel.name for channel in checkpoint.contract.inputs} - set(CHANNELS)
+    for _, made in ancestors.found(session, node, Episodes) if wanted else ():
+        if isinstance(made, Episodes):
+            for name in sorted(wanted & made.terms.keys()):
+                yield made.terms[name]
+            wanted -= made.terms.keys()

@@ -1,0 +1,74 @@
+"""`dxb robot record`: record a demonstration on a robot that another program commands."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from typing import TYPE_CHECKING
+
+from dextera_build.cli.robot import connected
+
+if TYPE_CHECKING:
+    from dextera_build.deploying.demonstration import Demonstration
+
+NEEDED = ("objects", "displacement")
+"""What an episode holds besides the robot's joints."""
+LOOK_S = 0.02
+"""Time between two looks for the first command [s]."""
+
+
+def run(args: argparse.Namespace) -> int:
+    """Record until the task is done, the time is over, or Ctrl-C; exit with 1 if measurements failed."""
+    from dextera_build.deploying.bag import ABOUT, SUMMARY, VERDICT, Bag
+    from dextera_build.deploying.cell import RosCell
+    from dextera_build.deploying.demonstration import Demonstration
+    from dextera_build.deploying.driving import facts
+    from dextera_build.errors import MachineError
+
+    here = connected.opened(args)
+    out = connected.recording(args, here, "recordings")
+    transport, bag = connected.transport(args, (args.robot,)), Bag.create(out)
+    try:
+        cell = RosCell(transport, here.topics, here.bundle, NEEDED, bag=bag)
+        made = Demonstration(transport, here.topics, here.bundle, cell, bag)
+        connected.refuse(args, here, transport, cell)
+        about = {"policy": "", "algorithm": "", "origin": "operator"}
+        bag.state(ABOUT, time.time_ns(), facts(cell, here.bundle) | about)
+        reason, faulty = _recorded(made, cell.rate_hz, args.limit or here.bundle.task.timeout_s)
+        made.end(reason)
+        told = {"reason": reason, "success": made.success, "steps": made.steps}
+        bag.state(SUMMARY, time.time_ns(), told)
+        bag.state(VERDICT, time.time_ns(), {"measured": made.success, "operator": connected.verdict(args)})
+    except MachineError:
+        out.unlink()  # nothing was recorded
+        raise
+    finally:
+        transport.close()
+        bag.close()
+    told["recording"] = str(out)
+    print(json.dumps(told) if args.json else "\n".join(f"{name}\t{value}" for name, value in told.items()))
+    return 1 if faulty else 0
+
+
+def _recorded(made: Demonstration, rate_hz: float, limit_s: float) -> tuple[str, bool]:
+    """Record in real time from the first command on; why it ended, and whether that was a fault."""
+    from dextera_build.deploying.driving import DONE, LATE
+    from dextera_build.errors import DxbError
+
+    print("waiting for the first command; press Ctrl-C to end", file=sys.stderr, flush=True)
+    try:
+        while not made.commanded:
+            time.sleep(LOOK_S)
+        made.begin()
+        due = time.monotonic()
+        while not made.success and made.steps < limit_s * rate_hz:
+            made.step()
+            due = max(due + 1.0 / rate_hz, time.monotonic())
+            time.sleep(max(0.0, due - time.monotonic()))
+    except KeyboardInterrupt:
+        return "the operator ended it", False
+    except DxbError as fault:
+        return fault.message, True
+    return (DONE if made.success else LATE.format(limit_s)), False

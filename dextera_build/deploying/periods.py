@@ -1,0 +1,50 @@
+"""What a recording says of each control period; `policy.robot_run` reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.deploying.bag import Bag
+from dextera_build.deploying.transport import Topic
+from dextera_build.formats.ros import messages
+from dextera_build.policy.declared import BY_NAME
+from dextera_build.policy.observation import Measurement
+from dextera_build.policy.robot_run import OBSERVED, topic
+
+BASE = "base"
+"""Frame of poses, the robot's base."""
+
+
+def observed(bag: Bag, time: int, bundle: TaskBundle, measured: Measurement) -> None:
+    """Write what was measured; an object without a pose is left out."""
+    joints = [joint.name for joint in bundle.robot.joints]
+    bag.add(_topic(OBSERVED, "joints"), time, messages.joint_state(time, joints, measured.joints))
+    rows = zip(bundle.objects, measured.objects, strict=True)
+    edges = [(BASE, name, pose) for name, pose in rows if np.isfinite(pose).all()]
+    bag.add(_topic(OBSERVED, "objects"), time, messages.transforms(time, edges))
+    inner = measured.displacement
+    if len(inner) and np.isfinite(inner).all():
+        message = messages.joint_state(time, bundle.displacement_names, inner)
+        bag.add(_topic(OBSERVED, "displacement"), time, message)
+
+
+def commanded(bag: Bag, time: int, bundle: TaskBundle, period: int, targets: Mapping[str, np.ndarray]) -> None:
+    """Write joint targets.
+
+    Args:
+        bag: The recording.
+        time: When they were sent [ns].
+        bundle: The task.
+        period: Duration of a control period [ns].
+        targets: `REQUESTED` or `SENT` -> joint targets (A,) [rad or m].
+    """
+    joints = [joint.name for joint in bundle.robot.joints]
+    for prefix, each in targets.items():
+        bag.add(_topic(prefix, "action"), time, messages.joint_trajectory(time, joints, each, period))
+
+
+def _topic(prefix: str, term: str) -> Topic:
+    return Topic(topic(prefix, term), BY_NAME[term].message)
