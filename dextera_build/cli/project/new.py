@@ -74,7 +74,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "of a board, its pattern (charuco)",
     )
     parser.add_argument(
-        "object", nargs="?", help="of a mask, the object: blue_mug; of tasks, the robot: robot/kuka_leap"
+        "object",
+        nargs="?",
+        help="of a mask, the object: blue_mug; of tasks, the robot: robot/kuka_leap; of a robot, the URDF or MJCF of "
+        "the hand on its flange",
     )
     parser.add_argument(
         "-o",
@@ -83,6 +86,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="of a scene (scene.yaml), a mask (masks/OBJECT.png), a board, a robot or tasks",
     )
     new_board.arguments(parser)
+    new_robot.arguments(parser)
     options.project_arguments(parser)
     options.request_arguments(parser)
 
