@@ -61,7 +61,7 @@ class RobotView:
                 quaternion = np.zeros(4)
                 mujoco.mju_mat2Quat(quaternion, found.xmat)
                 self.frames[role].position, self.frames[role].wxyz = found.xpos.copy(), quaternion
-                self.labels[role].position = found.xpos + [0.0, 0.0, 2 * DOT_M]
+                self.labels[role].position = found.xpos + np.array([0.0, 0.0, 2 * DOT_M])
 
     def sweep(self) -> Iterator[float]:
         """Move one joint after the other through its limits and back home; each item is how long a state lasts [s]."""

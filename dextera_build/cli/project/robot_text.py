@@ -77,10 +77,11 @@ class Text:
         return [("", self._arm)] if self._hand is None else [("", self._arm), (_PREFIX, self._hand)]
 
     def _frames(self, found: Guess) -> dict[str, Role]:
-        """Frames of a part: of an arm that carries another file's hand, its flanges alone."""
-        if self._hand is None or found is self._hand:
+        """Frames of a part; of two files, the flange is the arm's, and all others are the hand's."""
+        if self._hand is None:
             return found.frames
-        return {role: each for role, each in found.frames.items() if role.endswith("flange")}
+        arm = found is self._arm
+        return {role: each for role, each in found.frames.items() if role.endswith("flange") == arm}
 
     def _attach(self) -> list[str]:
         if self._hand is None:
