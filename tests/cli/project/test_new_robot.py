@@ -12,7 +12,8 @@ from dextera_build.recipe import strict_yaml
 from tests.e2e.space import Space
 from tests.rules.simulate.robot_files import ARM, arm, hand
 
-TINY = '<link name="tool0"><inertial><mass value="1e-9"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>'
+TINY = """<link name="tool0"><inertial><mass value="1e-9"/>
+  <inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>"""
 
 
 @pytest.fixture
