@@ -1,4 +1,4 @@
-"""Names and numbers in files that a robot model cannot have as they are: `world`, `base`, inertias; and hands on arms."""
+"""What a robot model cannot have as a file states it: links `world` and `base`, inertias; and hands on arms."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_impossible_inertias_are_all_named_and_repaired_on_request(tmp_path):
 
 def test_a_negative_mass_cannot_be_repaired(tmp_path):
     text = ARM.replace('<mass value="1.2"/>', '<mass value="-1.2"/>')
-    with pytest.raises(RuleError, match="link `fore` has mass -1.2 kg"):
+    with pytest.raises(RuleError, match=r"link `fore` has mass -1\.2 kg"):
         made(tmp_path, arm(text), parts=[{"file": URDF, "repair_inertias": True}])
 
 

@@ -13,6 +13,8 @@ DRAWN, REFINED, KEPT = 3000, 1500, 40
 """Number of random postures, of small changes of the best one, and of good ones that are tried for contacts."""
 FORWARD, HEIGHT, BELOW = 0.5, 0.3, 0.2
 """Wanted place of the palm, in lengths of the arm: ahead of its first joint; above the base; below its first joint."""
+_BENT = 0.1
+"""Cost of joints that are half a turn from 0, on average; of two postures, the one with less turned joints is natural."""
 _TURN_M = 0.25
 """Distance [m] that costs as much as a turn of the palm by one radian, per metre of the arm."""
 
@@ -72,7 +74,8 @@ class _Search:
         self._shape.place(dict(zip(self._joints, posture.tolist(), strict=True)))
         place, axes = self._pose()
         angle = float(np.arccos(np.clip(-axes[2, self._down], -1, 1)))
-        return float(np.linalg.norm(place - self._wanted)) / self._length + _TURN_M * angle
+        bent = float(np.abs(posture).mean()) / np.pi
+        return float(np.linalg.norm(place - self._wanted)) / self._length + _TURN_M * angle + _BENT * bent
 
     def touches(self, posture: np.ndarray) -> bool:
         """Whether links touch that do not touch with all joints at 0: neighbours do in many files."""
