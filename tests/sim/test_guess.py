@@ -150,6 +150,19 @@ def test_a_parallel_gripper_has_one_joint_and_tips_on_its_inner_sides(limits, ax
     np.testing.assert_allclose(np.abs(axis[:, 1]), [0, 1, 0], atol=1e-9)
 
 
+def test_a_linkage_that_one_joint_moves_is_a_gripper_of_its_two_longest_chains():
+    found, root = source()
+    palm = chain(arm(root), ["palm"], joints=False)
+    fingers(palm, ["left", "right"], 2)
+    for number, name in enumerate(("support_left", "support_right")):
+        link(palm, name, f"j_{name}", pos=[0, 0.03 * number, 0.05])
+    for name in ("left_1", "right_0", "right_1", "support_left", "support_right"):
+        found.mimics[f"j_{name}"] = ("j_left_0", 1.0, 0.0)
+    made = guess.roles(found, "root")
+    assert made.grippers["arm"][0] == "j_left_0"
+    assert links(made) == {"palm": "palm", "flange": "link7", "tip_left": "left_1", "tip_right": "right_1"}
+
+
 def test_one_moving_finger_is_a_jaw_if_its_name_says_so():
     for name, hand in (("gripper", True), ("link8", False)):
         found, root = source()

@@ -119,6 +119,10 @@ def _made_elsewhere(args: argparse.Namespace) -> Callable[[argparse.Namespace], 
         raise UsageError(
             f"a {args.kind} has no paper and no squares", code="DXB-U217", hint="only `dxb new board` takes them"
         )
+    if args.kind != "robot" and args.repair_inertias:
+        raise UsageError(
+            f"a {args.kind} has no inertias", code="DXB-U217", hint="only `dxb new robot` takes `--repair-inertias`"
+        )
     if args.kind in _MADE:
         return _MADE[args.kind]
     if not args.name:

@@ -37,7 +37,10 @@ def run(args: argparse.Namespace) -> int:
     out = Path(args.out) if args.out else project.root / "recipes" / "robot" / f"{name}.yaml"
     if out.exists():
         raise UsageError(f"`{out}` exists already", code="DXB-U191", hint="`-o FILE` writes to another file")
-    parts = [robot_files.read(each.resolve(), project, args.repair_inertias) for each in paths]
+    parts = [
+        robot_files.read(each.resolve(), project, args.repair_inertias, attached=number > 0)
+        for number, each in enumerate(paths)
+    ]
     folder, copied = robot_files.gathered(parts, project, name)
     text = robot_text.Text(name, folder, parts, args.repair_inertias)
     with writing(out):

@@ -42,13 +42,14 @@ class Part:
         return self.below + str(self.file.relative_to(self.folder))
 
 
-def read(file: Path, project: Project, repair: bool) -> Part:
+def read(file: Path, project: Project, repair: bool, attached: bool = False) -> Part:
     """The parsed description.
 
     Args:
         file: An absolute path.
         project: The project.
         repair: Replace moments of inertia that no body has.
+        attached: It is a hand, whose names have a prefix.
 
     Raises:
         RuleError: It is no description of a robot, or a file that it names is missing.
@@ -71,7 +72,7 @@ def read(file: Path, project: Project, repair: bool) -> Part:
             if whole:
                 source = mjcf.read(path, files, whole=True)
             root = WHOLE if whole else tops[0]
-            source.renamed = roots.free_base(source.spec, root)
+            source.renamed = {} if attached else roots.free_base(source.spec, root)
             return Part(file, folder, source, root, whole, files.used)
         except RuleError as error:
             wrong = wrong or error

@@ -39,8 +39,8 @@ class Text:
         for part in self._parts:
             for link, change in part.source.repaired.items():
                 yield f"repaired inertia of `{link}`: {change}"
-            for link, new in part.source.renamed.items():
-                yield f"link `{link}` is called `{new}`, because the root of a robot model is `{link}`"
+        for link, new in self._parts[0].source.renamed.items():
+            yield f"link `{link}` is called `{new}`, because the root of a robot model is `{link}`"
         for prefix, found in self._guesses():
             for role, each in self._frames(found).items():
                 yield f"{role} = {prefix + each.spot.link}: {each.confidence}, {each.why}"

@@ -107,8 +107,8 @@ class _Limb:
         """Add its roles."""
         count = len(self._branch.fingers)
         self._flange(found)
-        leader = self._leader(found) if count == 2 else None
-        down = 0 if count > 2 or (count == 2 and leader is None) else 2
+        leader = self._leader(found) if count > 1 else None
+        down = 0 if count > 1 and leader is None else 2
         if count == 0:
             self._tool(found)
         elif count == 1:
@@ -191,8 +191,10 @@ class _Limb:
         names = [name for each in inner for name in each]
         leaders = {name for name in names if name not in self._source.mimics}
         led = {self._source.mimics[name][0] for name in names if name in self._source.mimics}
-        if len(leaders) == 1 and led <= leaders:
-            return leaders.pop(), names
+        if len(leaders | led) == 1:
+            # Of a linkage, the two longest chains are the fingers, and the others support them.
+            self._branch.fingers = sorted(self._branch.fingers, key=limbs.depth, reverse=True)[:2]
+            return (leaders | led).pop(), names
         if len(names) == 2 and not led and all(_slides(f.joints[0]) for f in self._branch.fingers):
             one, other = names
             axes = [self._shape.data.joint(name).xaxis for name in names]

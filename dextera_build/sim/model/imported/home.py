@@ -14,7 +14,7 @@ DRAWN, REFINED, KEPT = 3000, 1500, 40
 FORWARD, HEIGHT, BELOW = 0.5, 0.3, 0.2
 """Wanted place of the palm, in lengths of the arm: ahead of its first joint; above the base; below its first joint."""
 _BENT = 0.1
-"""Cost of joints that are half a turn from 0, on average; of two postures, the one with less turned joints is natural."""
+"""Cost of joints that are half a turn from 0 on average, so that of two postures the less turned one is chosen."""
 _TURN_M = 0.25
 """Distance [m] that costs as much as a turn of the palm by one radian, per metre of the arm."""
 
