@@ -20,8 +20,8 @@ AXES_M, DOT_M = 0.05, 0.007
 """Length of a frame's axes, and radius of its origin [m]."""
 POSTURES = 1500
 """Number of random postures whose palms show the reach."""
-SWEEP_S, STEPS = 1.5, 12
-"""Duration and number of states of a joint's way through its limits in a recording [s]."""
+SWEEP_S, STEPS = 1.5, 13
+"""Duration [s] and number of states of a joint's way home, lower, upper, home in a recording; 13 states hold all four."""
 
 
 class RobotView:
