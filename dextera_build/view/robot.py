@@ -21,7 +21,7 @@ AXES_M, DOT_M = 0.05, 0.007
 POSTURES = 1500
 """Number of random postures whose palms show the reach."""
 SWEEP_S, STEPS = 1.5, 13
-"""Duration [s] and number of states of a joint's way home, lower, upper, home in a recording; 13 states hold all four."""
+"""Duration [s] and number of states of a joint's way home, lower, upper, home in a recording; 13 hold all four."""
 
 
 class RobotView:
