@@ -127,6 +127,17 @@ def test_wheels_and_a_head_are_no_part_of_the_arm():
     assert "lift" in made.home
 
 
+def test_legs_are_no_arms():
+    found, root = source()
+    for side in ("left", "right"):
+        chain(root, [f"{side}_{name}_link" for name in ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle", "toe")])
+        fingers(chain(arm(root, f"{side}_"), [f"{side}_palm"], joints=False), [f"{side}_inner", f"{side}_outer"], 1)
+    made = guess.roles(found, "root")
+    assert made.hand == ["left_palm", "right_palm"]
+    assert len(made.still) == 12
+    assert "j_left_knee_link" in made.still
+
+
 @pytest.mark.parametrize(
     ("limits", "axes", "mimics", "wanted", "followers"),
     [

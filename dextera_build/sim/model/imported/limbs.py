@@ -11,6 +11,7 @@ FEWEST = 5
 """Minimum number of joints of an arm's chain; fingers have up to four."""
 _FINGER = re.compile(r"finger|thumb|index|pinky|knuckle", re.IGNORECASE)
 _JAW = re.compile(r"grip|jaw|claw|finger|pinch", re.IGNORECASE)
+_LEG = re.compile(r"(^|_)(leg|hip|thigh|knee|calf|ankle|foot)(_|\d|$)", re.IGNORECASE)
 
 
 @dataclass
@@ -28,10 +29,11 @@ class Branch:
 
 
 def branches_of(top: Any) -> list[Branch]:
-    """The arms below a link, or one of a hand alone."""
+    """The arms below a link, without legs, or one of a hand alone."""
     found = list(_walk(top, top, 0, []))
     long = [each for each in found if joints_between(top, each.palm) >= FEWEST]
-    return long or found[:1]
+    arms = [each for each in long if not any(_LEG.search(body.name) for body in way(each.top, each.palm))]
+    return arms or long or found[:1]
 
 
 def _walk(top: Any, body: Any, above: int, others: list[Any]) -> Iterator[Branch]:
