@@ -1,43 +1,79 @@
-"""Roles guessed from how links hang together."""
+"""Roles guessed from how links hang together, from names and from shapes."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import mujoco
+import numpy as np
 import pytest
 
+from dextera_build.geometry import quaternions
 from dextera_build.sim.model.imported import guess
-from dextera_build.sim.model.imported.urdf import Source
+from dextera_build.sim.model.imported.source import Source
+
+SLIDE = mujoco.mjtJoint.mjJNT_SLIDE
+
+
+def link(parent: Any, name: str, joint: str = "", **options: Any) -> Any:
+    """A box of 20 mm edge, 100 mm above its parent, with a hinge about y if `joint` is named."""
+    body = parent.add_body(name=name, pos=options.pop("pos", [0, 0, 0.1]))
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=options.pop("size", [0.01] * 3), mass=0.1, contype=0)
+    if joint:
+        body.add_joint(name=joint, axis=options.pop("axis", [0, 1, 0]), limited=True, range=[-1.5, 1.5], **options)
+    return body
 
 
 def chain(parent: Any, names: list[str], joints: bool = True) -> Any:
-    """Bodies in series, with a hinge each."""
     for name in names:
-        parent = parent.add_body(name=name)
-        if joints:
-            parent.add_joint(name=f"j_{name}")
+        parent = link(parent, name, f"j_{name}" if joints else "")
     return parent
 
 
 def arm(parent: Any, side: str = "") -> Any:
-    return chain(parent, [f"{side}link{n}" for n in range(1, 8)])
+    """Seven links, of which the last turns about z."""
+    body = chain(parent, [f"{side}link{n}" for n in range(1, 7)])
+    return link(body, f"{side}link7", f"j_{side}link7", axis=[0, 0, 1])
 
 
 def fingers(palm: Any, names: list[str], length: int) -> None:
-    for name in names:
-        chain(palm, [f"{name}_{n}" for n in range(length)])
+    for number, name in enumerate(names):
+        body = link(palm, f"{name}_0", f"j_{name}_0", pos=[0, 0.03 * number, 0.1])
+        chain(body, [f"{name}_{n}" for n in range(1, length)])
+
+
+def slides(palm: Any, limits: tuple[float, float], axes: Mapping[str, float]) -> None:
+    """Fingers of 60 x 10 x 20 mm that slide along y by `axes`, their inner sides 10 mm from the middle at 0."""
+    for name, (side, axis) in zip(axes, ((1, axes["left"]), (-1, axes["right"])), strict=True):
+        body = palm.add_body(name=name, pos=[0, side * 0.015, 0.05])
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.01, 0.005, 0.03], pos=[0, 0, 0.03], mass=0.1, contype=0)
+        body.add_joint(name=f"j_{name}", type=SLIDE, axis=[0, axis, 0], limited=True, range=limits)
 
 
 def source() -> tuple[Source, Any]:
     spec = mujoco.MjSpec()
-    return Source(spec), spec.worldbody.add_body(name="root")
+    spec.compiler.degree = False
+    root = spec.worldbody.add_body(name="root")
+    root.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.05] * 3, contype=0)
+    return Source(spec), root
 
 
-def test_an_arm_alone_ends_in_its_flange():
+def links(found: guess.Guess) -> dict[str, str]:
+    return {role: each.spot.link for role, each in found.frames.items()}
+
+
+def test_an_arm_alone_pushes_with_its_end():
     found, root = source()
-    chain(arm(root), ["tool0"], joints=False)
-    assert guess.roles(found, "root") == guess.Guess(frames={"flange": "tool0"})
+    tool = chain(arm(root), ["tool0"], joints=False)
+    made = guess.roles(found, "root")
+    assert links(made) == dict.fromkeys(("flange", "palm", "tip_tool"), "tool0")
+    assert [made.frames[role].confidence for role in ("flange", "palm", "tip_tool")] == ["certain", "unsure", "unsure"]
+    assert (made.hand, made.grippers, made.pointing) == ([], {}, ["arm"])
+    # The last joint turns about z, and the box of the tool ends 10 mm beyond its origin.
+    np.testing.assert_allclose(made.frames["tip_tool"].spot.at, [0, 0, 0.01], atol=1e-9)
+    np.testing.assert_allclose(quaternions.to_matrix(made.frames["palm"].spot.turn)[:, 2], [0, 0, 1], atol=1e-9)
+    assert tool.name == "tool0"
 
 
 @pytest.mark.parametrize("length", [2, 4])
@@ -45,13 +81,11 @@ def test_a_hand_alone_is_a_hand(length):
     found, root = source()
     fingers(root, ["th", "if", "mf"], length)
     made = guess.roles(found, "root")
-    assert made.hand == ["base"]
-    assert made.frames == {
-        "palm": "base",
-        **{
-            f"tip_{name}": f"{link}_{length - 1}" for name, link in (("thumb", "th"), ("index", "if"), ("middle", "mf"))
-        },
+    tips = {
+        f"tip_{name}": f"{link}_{length - 1}" for name, link in (("thumb", "th"), ("index", "if"), ("middle", "mf"))
     }
+    assert made.hand == ["base"]
+    assert links(made) == {"palm": "base", **tips}
 
 
 def test_a_hand_on_an_arm_begins_where_the_chain_branches():
@@ -61,7 +95,9 @@ def test_a_hand_on_an_arm_begins_where_the_chain_branches():
     made = guess.roles(found, "root")
     assert made.hand == ["palm"]
     tips = {"tip_thumb": "thumb_2", "tip_index": "index_2", "tip_3": "a_2"}
-    assert made.frames == {"palm": "palm", "flange": "mount"} | tips
+    assert links(made) == {"palm": "palm", "flange": "mount"} | tips
+    assert made.frames["tip_3"].confidence == "unsure"
+    assert made.frames["tip_thumb"].confidence == "likely"
 
 
 def test_two_arms_have_a_side_each():
@@ -71,31 +107,101 @@ def test_two_arms_have_a_side_each():
         fingers(palm, [f"{side}inner", f"{side}outer"], 1)
     made = guess.roles(found, "root")
     assert made.hand == ["left_palm", "right_palm"]
-    assert made.frames["left_flange"] == "left_link7"
-    assert made.frames["right_tip_outer"] == made.frames["tip_outer"] == "right_outer_0"
-    assert len(made.frames) == 12
+    known = links(made)
+    assert known["left_flange"] == "left_link7"
+    assert known["right_tip_outer"] == known["tip_outer"] == "right_outer_0"
+    assert len(known) == 12
+
+
+def test_wheels_and_a_head_are_no_part_of_the_arm():
+    found, root = source()
+    for name in ("wheel_left", "wheel_right"):
+        link(root, name, f"j_{name}")
+    torso = link(root, "torso", "lift", type=SLIDE)
+    chain(torso, ["head_1", "head_2"])
+    palm = chain(arm(torso), ["palm"], joints=False)
+    fingers(palm, ["thumb", "index"], 2)
+    made = guess.roles(found, "root")
+    assert made.hand == ["palm"]
+    assert made.still == ["j_head_1", "j_head_2", "j_wheel_left", "j_wheel_right"]
+    assert "lift" in made.home
+
+
+def test_legs_are_no_arms():
+    found, root = source()
+    for side in ("left", "right"):
+        chain(root, [f"{side}_{name}_link" for name in ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle", "toe")])
+        fingers(chain(arm(root, f"{side}_"), [f"{side}_palm"], joints=False), [f"{side}_inner", f"{side}_outer"], 1)
+    made = guess.roles(found, "root")
+    assert made.hand == ["left_palm", "right_palm"]
+    assert len(made.still) == 12
+    assert "j_left_knee_link" in made.still
 
 
 @pytest.mark.parametrize(
-    ("limits", "mimics", "wanted"),
+    ("limits", "axes", "mimics", "wanted", "followers"),
     [
-        ((0.0, 0.04), {"j_right": ("j_left", 1.0, 0.0)}, ("j_left", 0.04, 0.0)),
-        ((-0.03, 0.001), {"j_left": ("j_right", -1.0, 0.0)}, ("j_right", -0.03, 0.001)),
-        ((0.0, 0.04), {}, None),
+        ((0.0, 0.04), (1, -1), {"j_right": ("j_left", 1.0, 0.0)}, ("j_left", 0.04, 0.0), {}),
+        ((-0.009, 0.03), (-1, -1), {"j_left": ("j_right", -1.0, 0.0)}, ("j_right", 0.03, -0.009), {}),
+        ((0.0, 0.04), (1, -1), {}, ("j_left", 0.04, 0.0), {"j_right": ("j_left", 1.0)}),
     ],
 )
-def test_a_parallel_gripper_has_one_sliding_joint_that_the_other_finger_follows(limits, mimics, wanted):
+def test_a_parallel_gripper_has_one_joint_and_tips_on_its_inner_sides(limits, axes, mimics, wanted, followers):
+    found, root = source()
+    slides(chain(arm(root), ["palm"], joints=False), limits, dict(zip(("left", "right"), axes, strict=True)))
+    found.mimics.update(mimics)
+    made = guess.roles(found, "root")
+    assert made.grippers == {"arm": wanted}
+    assert made.followers == followers
+    assert made.home[wanted[0]] == wanted[1]
+    for role, side in (("tip_left", 1), ("tip_right", -1)):
+        np.testing.assert_allclose(made.frames[role].spot.at, [0, -side * 0.005, 0.06 - 0.004], atol=1e-9)
+    axis = quaternions.to_matrix(made.frames["palm"].spot.turn)
+    np.testing.assert_allclose(axis[:, 2], [0, 0, 1], atol=1e-9)
+    np.testing.assert_allclose(np.abs(axis[:, 1]), [0, 1, 0], atol=1e-9)
+
+
+def test_a_linkage_that_one_joint_moves_is_a_gripper_of_its_two_longest_chains():
     found, root = source()
     palm = chain(arm(root), ["palm"], joints=False)
-    for name in ("left", "right"):
-        body = palm.add_body(name=name)
-        body.add_joint(name=f"j_{name}", type=mujoco.mjtJoint.mjJNT_SLIDE, range=limits)
-    found.mimics.update(mimics)
-    assert guess.roles(found, "root").gripper == wanted
+    fingers(palm, ["left", "right"], 2)
+    for number, name in enumerate(("support_left", "support_right")):
+        link(palm, name, f"j_{name}", pos=[0, 0.03 * number, 0.05])
+    for name in ("left_1", "right_0", "right_1", "support_left", "support_right"):
+        found.mimics[f"j_{name}"] = ("j_left_0", 1.0, 0.0)
+    made = guess.roles(found, "root")
+    assert made.grippers["arm"][0] == "j_left_0"
+    assert links(made) == {"palm": "palm", "flange": "link7", "tip_left": "left_1", "tip_right": "right_1"}
 
 
-def test_a_hand_of_hinges_is_no_parallel_gripper():
+def test_one_moving_finger_is_a_jaw_if_its_name_says_so():
+    for name, hand in (("gripper", True), ("link8", False)):
+        found, root = source()
+        palm = arm(root)
+        jaw = palm.add_body(name=name, pos=[0, 0.01, 0.03])
+        jaw.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.01, 0.005, 0.03], pos=[0, 0.005, 0.03], mass=0.1)
+        jaw.add_joint(name=f"j_{name}", axis=[-1, 0, 0], limited=True, range=[-0.1, 1.7])
+        made = guess.roles(found, "root")
+        assert bool(made.grippers) is hand
+        if hand:
+            joint, opened, closed = made.grippers["arm"]
+            assert (joint, closed) == ("j_gripper", -0.1)
+            assert opened == pytest.approx(1.1)  # opens away from the fixed side, by no more than 1.2 rad
+            assert links(made) == {"flange": "link7", "palm": "link7", "tip_fixed": "link7", "tip_jaw": "gripper"}
+            # Closed, both tips are at the same place.
+            assert made.frames["tip_jaw"].spot.at[1] == pytest.approx(0.0, abs=2e-3)
+
+
+def test_home_looks_down_in_front_of_the_base():
     found, root = source()
-    fingers(chain(arm(root), ["palm"], joints=False), ["left", "right"], 1)
-    found.mimics["j_right_0"] = ("j_left_0", 1.0, 0.0)
-    assert guess.roles(found, "root").gripper is None
+    slides(chain(arm(root), ["palm"], joints=False), (0.0, 0.04), {"left": 1, "right": -1})
+    found.mimics["j_right"] = ("j_left", 1.0, 0.0)
+    made = guess.roles(found, "root")
+    model = found.spec.compile()
+    data = mujoco.MjData(model)
+    for name, position in made.home.items():
+        data.joint(name).qpos[0] = position
+    mujoco.mj_kinematics(model, data)
+    axis = data.body("palm").xmat.reshape(3, 3)[:, 2]
+    assert axis[2] < -0.8
+    assert data.body("palm").xpos[0] > 0.1

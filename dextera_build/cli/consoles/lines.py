@@ -213,8 +213,16 @@ def pulled(recipe: str, event: RunFinished) -> Line:
 
 
 def next_steps(recipe: str) -> Line:
-    """Commands that show the result of a build."""
-    return [("  view: ", "dim"), (f"dxb view {recipe}", "path"), ("      report: ", "dim"), ("dxb report", "path")]
+    """Commands that show the result of a build, and the one that gives a robot its first tasks."""
+    shown: Line = [
+        ("  view: ", "dim"),
+        (f"dxb view {recipe}", "path"),
+        ("      report: ", "dim"),
+        ("dxb report", "path"),
+    ]
+    if not recipe.startswith("robot/"):
+        return shown
+    return [*shown, ("      tasks: ", "dim"), (f"dxb new task twin/laptop_scene {recipe}", "path")]
 
 
 def _first(text: str) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 
 from dextera_build.artifacts.cameras.camera import Photograph
 from dextera_build.artifacts.objects.object import Asset
+from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.scenes.scene import Scene
 from dextera_build.artifacts.tasks.episode import Episodes
 from dextera_build.artifacts.tasks.task import TaskBundle
@@ -50,6 +51,8 @@ def of(session: Session, node: str, episode: str | None = None) -> Fill:
         return _episodes(session, node, artifact, episode)
     if isinstance(artifact, Scene):
         return _written(session, node, artifact)
+    if isinstance(artifact, RobotModel):
+        return _robot(node, artifact)
     return _plain(artifact, node)
 
 
@@ -59,6 +62,15 @@ def _plain(artifact: Any, node: str) -> Fill:
     def fill(viewer: Any) -> Iterator[float]:
         show(artifact, viewer, f"/{node}")
         return iter(())
+
+    return fill
+
+
+def _robot(node: str, robot: RobotModel) -> Fill:
+    from dextera_build.view.robot import RobotView
+
+    def fill(viewer: Any) -> Iterator[float]:
+        return RobotView(viewer, f"/{node}", robot).sweep()
 
     return fill
 
@@ -139,12 +151,15 @@ def _materials(session: Session, node: str) -> dict[str, str]:
 
 
 def _recipe(session: Session) -> Fill:
-    """The recipe's task, or else the twin's scene from the parts that the last build made, or as it was written."""
+    """The recipe's task, or else the twin's scene from the parts that the last build made or as written, or a robot."""
     nodes = built.by_type(session)
     if (own := built.own_task(session)) is not None:
         fetch.bring(session, nodes.get("Asset", []))
         return _task(session, *own)
-    if missing := [kind for kind in PARTS if kind not in nodes]:
+    missing = [kind for kind in PARTS if kind not in nodes]
+    if missing and (robots := [node for node in nodes.get("RobotModel", []) if ":" not in node]):
+        return of(session, robots[-1])
+    if missing:
         raise UsageError(
             f"`{session.recipe}` has no scene to show yet",
             code="DXB-U113",

@@ -74,7 +74,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "of a board, its pattern (charuco)",
     )
     parser.add_argument(
-        "object", nargs="?", help="of a mask, the object: blue_mug; of tasks, the robot: robot/kuka_leap"
+        "object",
+        nargs="?",
+        help="of a mask, the object: blue_mug; of tasks, the robot: robot/kuka_leap; of a robot, the URDF or MJCF of "
+        "the hand on its flange",
     )
     parser.add_argument(
         "-o",
@@ -83,6 +86,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="of a scene (scene.yaml), a mask (masks/OBJECT.png), a board, a robot or tasks",
     )
     new_board.arguments(parser)
+    new_robot.arguments(parser)
     options.project_arguments(parser)
     options.request_arguments(parser)
 
@@ -114,6 +118,10 @@ def _made_elsewhere(args: argparse.Namespace) -> Callable[[argparse.Namespace], 
     if args.kind != "board" and new_board.given(args):
         raise UsageError(
             f"a {args.kind} has no paper and no squares", code="DXB-U217", hint="only `dxb new board` takes them"
+        )
+    if args.kind != "robot" and args.repair_inertias:
+        raise UsageError(
+            f"a {args.kind} has no inertias", code="DXB-U217", hint="only `dxb new robot` takes `--repair-inertias`"
         )
     if args.kind in _MADE:
         return _MADE[args.kind]

@@ -26,9 +26,28 @@ class PartOptions(Options):
     """Origin of the root on that link [m]."""
     quaternion: Quaternion = (1.0, 0.0, 0.0, 0.0)
     """Rotation of the root on that link, w x y z."""
+    repair_inertias: bool = False
+    """Replace moments of inertia of a URDF that no rigid body has by the nearest ones that a body can have."""
     drawn: tuple[str, ...] = ()
     """Collision meshes that are also visible; on links with separate visual geometry, collision geometry is not
     drawn."""
+
+
+class AttachOptions(Options):
+    """A hand of its own file on a frame of the arm; a short form of a second part."""
+
+    hand: str
+    """Path of the hand's URDF or MJCF in `files`."""
+    at: str = "flange"
+    """Role in `frames`, or link or site of the arm, on which the hand's root stands."""
+    at_m: Vector = (0.0, 0.0, 0.0)
+    """Origin of the hand's root in that frame [m]."""
+    quaternion: Quaternion = (1.0, 0.0, 0.0, 0.0)
+    """Rotation of the hand's root in that frame, w x y z."""
+    prefix: str = "hand_"
+    """Prefix of the names of its links and joints."""
+    repair_inertias: bool = False
+    """Replace moments of inertia of a URDF that no rigid body has by the nearest ones that a body can have."""
 
 
 class FollowOptions(Options):
@@ -68,6 +87,8 @@ class ImportedRobotOptions(Options):
     """Source of kinematics, masses and limits."""
     parts: tuple[PartOptions, ...] = ()
     """Files, the arm's file first."""
+    attach: AttachOptions | None = None
+    """A hand of its own file; `hand` then begins at its root if left out."""
     hand: tuple[str, ...] = ()
     """Links at which the hand begins, with prefix; they and all their descendants are the hand, all others the arm."""
     active: tuple[str, ...] = ()

@@ -58,8 +58,9 @@ def part(ctx: Context, files: Folder, options: PartOptions, number: int) -> Plac
         options: Options of the part.
         number: Number of the part; the first is mounted on the world.
     """
-    from dextera_build.sim.model.imported import mjcf, urdf
+    from dextera_build.sim.model.imported import mjcf, roots, urdf
     from dextera_build.sim.model.imported.assembly import Placed
+    from dextera_build.sim.model.imported.source import WHOLE
 
     path = posixpath.normpath(options.file)
     if path not in files.files:
@@ -71,9 +72,9 @@ def part(ctx: Context, files: Folder, options: PartOptions, number: int) -> Plac
     begins = files.files[path][:4096]
     robot = b"<robot" in begins or path.endswith(".urdf")
     whole = options.root == WORLD
-    source = urdf.read(path, files.files) if robot else mjcf.read(path, files.files, whole)
-    roots = [body.name for body in source.spec.worldbody.bodies]
-    root = mjcf.WHOLE if whole and not robot else options.root
+    source = urdf.read(path, files.files, options.repair_inertias) if robot else mjcf.read(path, files.files, whole)
+    tops = [body.name for body in source.spec.worldbody.bodies]
+    root = options.root if not whole else tops[0] if robot else WHOLE
     if root and source.spec.body(root) is None:
         bodies = [body.name for body in source.spec.bodies[1:]]
         ctx.fail(
@@ -81,10 +82,10 @@ def part(ctx: Context, files: Folder, options: PartOptions, number: int) -> Plac
             links=listing(bodies, most=60),
             hint=did_you_mean(options.root, bodies),
         )
-    if not root and len(roots) != 1:
+    if not root and len(tops) != 1:
         ctx.fail(
-            f"`{options.file}` has {len(roots)} root links",
-            links=listing(roots),
+            f"`{options.file}` has {len(tops)} root links",
+            links=listing(tops),
             hint="name one as `root`, or `root: world` for all",
         )
     if bool(options.on) != bool(number):
@@ -97,7 +98,10 @@ def part(ctx: Context, files: Folder, options: PartOptions, number: int) -> Plac
     for name in options.drawn:
         if name not in meshes:
             ctx.fail(f"`{options.file}` has no mesh `{name}`", meshes=listing(meshes, most=40))
-    return Placed(source, root or roots[0], options.prefix, options.on, options.at_m, options.quaternion, options.drawn)
+    root = root or tops[0]
+    if not (number or options.prefix):
+        source.renamed = roots.free_base(source.spec, root)
+    return Placed(source, root, options.prefix, options.on, options.at_m, options.quaternion, options.drawn)
 
 
 def sites(parts: list[Placed]) -> dict[str, Frame]:
@@ -116,23 +120,31 @@ def sites(parts: list[Placed]) -> dict[str, Frame]:
 
 def check_names(ctx: Context, parts: list[Placed]) -> None:
     """Raise for names that occur in two parts, and for mounts on links that do not exist."""
-    links: dict[str, int] = {}
-    for number, each in enumerate(parts):
-        if each.parent and each.parent not in links:
+    known: set[str] = set()
+    for each, own in zip(parts, links(parts), strict=True):
+        if each.parent and each.parent not in known:
             ctx.fail(
                 f"`{each.parent}` carries a part, but no link of an earlier part is called so",
-                links=listing(links, most=60),
-                hint=did_you_mean(each.parent, links),
+                links=listing(known, most=60),
+                hint=did_you_mean(each.parent, known),
             )
-        for body in below(each.source.spec.body(each.root)):
-            name = "base" if number == 0 and body.name == each.root else each.prefix + body.name
-            if name in links:
+        for name in own:
+            if name in known:
                 ctx.fail(f"two links are called `{name}`", hint="give the parts prefixes: `prefix: hand_`")
-            links[name] = number
+            known.add(name)
     joints = [part.prefix + joint.name for part in parts for joint in moving(part)]
     twice = sorted({name for name in joints if joints.count(name) > 1})
     if twice:
         ctx.fail(f"two joints are called `{twice[0]}`", hint="give the parts prefixes: `prefix: hand_`")
+
+
+def links(parts: list[Placed]) -> list[list[str]]:
+    """Names of the links of every part in the robot."""
+    found = []
+    for number, each in enumerate(parts):
+        names = [each.prefix + body.name for body in below(each.source.spec.body(each.root))]
+        found.append(["base", *names[1:]] if number == 0 else names)
+    return found
 
 
 def below(body: Any) -> list[Any]:

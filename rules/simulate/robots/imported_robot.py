@@ -11,6 +11,7 @@ from dextera_build.errors import listing
 from dextera_build.rule import Context, rule
 
 from . import imported_parts
+from .imported_attach import hand_part
 from .imported_options import ImportedRobotOptions
 from .limbs import limbs_of
 from .operated import with_hands
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from dextera_build.sim.model.imported.assembly import Placed
 
 
-@rule(version=3, packages=("mujoco",))
+@rule(version=4, packages=("mujoco",))
 def imported_robot(ctx: Context, files: Folder, *, options: ImportedRobotOptions) -> RobotModel:
     """Return the robot of one file, or of an arm's and a hand's file, with the roles given in the options.
 
@@ -38,6 +39,11 @@ def imported_robot(ctx: Context, files: Folder, *, options: ImportedRobotOptions
         here = listing(imported_parts.descriptions(files)) or "none"
         ctx.fail("no file is named", here=here, hint="`parts: [{file: robot.urdf}]`")
     parts = [imported_parts.part(ctx, files, part, number) for number, part in enumerate(options.parts)]
+    if options.attach is not None:
+        options = _with_hand(ctx, options, parts)
+        parts.append(imported_parts.part(ctx, files, options.parts[-1], len(parts)))
+        if not options.hand:
+            options = options.model_copy(update={"hand": (parts[-1].prefix + parts[-1].root,)})
     imported_parts.check_names(ctx, parts)
     sites, wanted = imported_parts.sites(parts), [imported_parts.Places(part) for part in parts]
     spec = assembly.attached(parts, options.name)
@@ -61,6 +67,13 @@ def imported_robot(ctx: Context, files: Folder, *, options: ImportedRobotOptions
     return model
 
 
+def _with_hand(ctx: Context, options: ImportedRobotOptions, parts: list[Placed]) -> ImportedRobotOptions:
+    """The options with the hand of `attach` as their last part."""
+    links = [name for names in imported_parts.links(parts) for name in names]
+    hand = hand_part(ctx, options, links, imported_parts.sites(parts))
+    return options.model_copy(update={"parts": (*options.parts, hand)})
+
+
 def _tell(
     ctx: Context,
     model: RobotModel,
@@ -70,6 +83,10 @@ def _tell(
     mass: float,
 ) -> None:
     for part in parts:
+        for name, change in part.source.repaired.items():
+            ctx.warn(f"link `{name}`: moments of inertia that no body has were repaired: {change}")
+        for name, new in part.source.renamed.items():
+            ctx.warn(f"link `{name}` is called `{new}`, because the root of a robot model is `{name}`")
         if part.source.dropped:
             ctx.warn(f"left out, because a robot model has none: {listing(part.source.dropped)}")
     if touching:

@@ -54,6 +54,7 @@ def test_boards_of_every_pattern_are_as_large_as_the_paper_allows(space):
         (("board", "--square", "90"), "does not fit on a4"),
         (("board", "--columns", "0"), "positive counts"),
         (("recipe", "twin/a", "--paper", "a4"), "no paper"),
+        (("recipe", "twin/a", "--repair-inertias"), "no inertias"),
         (("recipe",), "a recipe takes a name"),
         (("capture",), "takes the name of its folder"),
         (("robot", "none.urdf"), "there is no file `none.urdf`"),
@@ -103,20 +104,17 @@ def test_a_recipe_for_a_urdf_builds_at_once(space):
     assert built.code == 0, built.err
 
 
-def test_a_recipe_for_an_mjcf_outside_says_how_its_files_are_given(space, tmp_path):
+def test_a_recipe_for_an_mjcf_has_its_keyframe_as_home(space, tmp_path):
     for name, data in hand().files.items():
         path = tmp_path / "elsewhere" / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
-    file = tmp_path / "elsewhere" / "hand.xml"
-    answer = space.dxb("new", "robot", str(file))
+    answer = space.dxb("new", "robot", str(tmp_path / "elsewhere" / "hand.xml"))
     assert answer.code == 0, answer.err
-    given = f"--input files={file.parent}"
-    assert given in answer.err
     text = (space.root / "recipes" / "robot" / "hand.yaml").read_text()
     assert "velocity_rad_s: 2.0  # guess" in text
     assert "one: 0.2" in text
-    built = space.dxb("build", "robot/hand", "--console", "none", *given.split())
+    built = space.dxb("build", "robot/hand", "--console", "none")
     assert built.code == 0, built.err
 
 

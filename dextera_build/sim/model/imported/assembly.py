@@ -230,7 +230,7 @@ def _set_groups(spec: Any, named: set[str]) -> None:
     model = compiled(spec)
     for body in spec.bodies[1:]:
         geoms, first = list(body.geoms), int(model.body(body.name).geomadr[0])
-        corners = [_corners(model, first + number) for number in range(len(geoms))]
+        corners = [corners_of(model, first + number) for number in range(len(geoms))]
         touching = [bool(geom.contype or geom.conaffinity) for geom in geoms]
         seen = [each for each, touches in zip(corners, touching, strict=True) if not touches]
         low = np.min([each.min(axis=0) for each in seen], axis=0) if seen else np.zeros(3)
@@ -246,7 +246,7 @@ def _set_groups(spec: Any, named: set[str]) -> None:
                 geom.priority = int(geom.friction[0] != 1.0)
 
 
-def _corners(model: Any, geom: int) -> np.ndarray:
+def corners_of(model: Any, geom: int) -> np.ndarray:
     """Points (N, 3) of a geom's outline in its body [m]: vertices of a mesh, else the corners of its box."""
     turn = np.zeros(9)
     mujoco.mju_quat2Mat(turn, model.geom_quat[geom])

@@ -38,9 +38,10 @@ def as_obj(path: str, data: bytes) -> bytes:
 
 def obj(points: np.ndarray, faces: np.ndarray) -> bytes:
     """OBJ text of points (N, 3) and triangles (M, 3)."""
-    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in points]
-    lines += [f"f {a} {b} {c}" for a, b, c in faces + 1]
-    return ("\n".join(lines) + "\n").encode()
+    # One format for all rows is several times as fast as one per row, and robots have meshes of a million rows.
+    rows = "v %.9g %.9g %.9g\n" * len(points) % tuple(points.ravel().tolist())
+    rows += "f %d %d %d\n" * len(faces) % tuple((faces + 1).ravel().tolist())
+    return rows.encode()
 
 
 def _damaged(path: str, why: str) -> RuleError:
@@ -114,6 +115,9 @@ class _Document:
                 continue
             if part.tag == "polylist":
                 sizes = np.array((part.findtext("vcount") or "").split(), np.int64)
+                if len(sizes) and (sizes == 3).all():
+                    yield points, np.concatenate(corners).reshape(-1, 3)
+                    continue
                 corners = np.split(np.concatenate(corners), np.cumsum(sizes)[:-1])
             fans = [
                 np.stack([np.repeat(each[:1], len(each) - 2), each[1:-1], each[2:]], axis=1)

@@ -1,16 +1,18 @@
-"""Roles of a robot's links, guessed from the kinematic tree and from names."""
+"""Roles of a robot's links, guessed from the kinematic tree, from names and from shapes, each with its confidence."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
-import mujoco
+import numpy as np
 
+from dextera_build.sim.model.imported import hands, home, limbs
+from dextera_build.sim.model.imported.hands import Shape, Spot
 from dextera_build.sim.model.imported.source import Source
 
-_FLANGES = re.compile(r"(^|_)(flange|tool0|ee_link|hand_mount|link_?ee|attachment)", re.IGNORECASE)
+_FLANGES = re.compile(r"(^|_)(flange|tool0|ee_link|hand_mount|link_?ee|link_?eef|attachment)", re.IGNORECASE)
 _FINGERS = {
     "thumb": r"thumb|(^|_)th(_|$)",
     "index": r"index|(^|_)(if|ff)(_|$)",
@@ -23,8 +25,17 @@ _FINGERS = {
     "right": r"right",
 }
 """Finger -> names of its links."""
-FEWEST = 5
-"""Minimum number of joints of an arm's chain; fingers have up to four."""
+Confidence = Literal["certain", "likely", "unsure"]
+
+
+@dataclass(frozen=True)
+class Role:
+    """A frame of the robot."""
+
+    spot: Spot
+    confidence: Confidence
+    why: str
+    """What the guess rests on."""
 
 
 @dataclass
@@ -33,127 +44,232 @@ class Guess:
 
     hand: list[str] = field(default_factory=list)
     """Links at which hands begin."""
-    frames: dict[str, str] = field(default_factory=dict)
-    """Role -> link."""
-    gripper: tuple[str, float, float] | None = None
-    """Sliding joint of both fingers of the only hand, and its positions open and closed [m]."""
+    frames: dict[str, Role] = field(default_factory=dict)
+    """Role -> frame."""
+    grippers: dict[str, tuple[str, float, float]] = field(default_factory=dict)
+    """Limb -> joint of both fingers, its positions open and closed [rad or m]."""
+    pointing: list[str] = field(default_factory=list)
+    """Limbs without a gripper: they push with the ends of their fingers, or with the tool."""
+    followers: dict[str, tuple[str, float]] = field(default_factory=dict)
+    """Second finger of a gripper -> the first one, and the ratio, where the file does not couple them."""
+    home: dict[str, float] = field(default_factory=dict)
+    """Joint of the arms, or of a gripper -> position at the start [rad or m]."""
+    still: list[str] = field(default_factory=list)
+    """Joints of wheels, heads and other parts that no arm needs."""
 
 
 def roles(source: Source, root: str) -> Guess:
-    """Arms, hands, flanges and fingertips below a link, whose name in the model is `base`."""
+    """Arms, hands, flanges, palms and fingertips below a link, whose name in the model is `base`."""
     found = Guess()
-    top = source.spec.body(root)
-    arms = _branches(top) if _count(top) and len(_branches(top)) > 1 else [top]
-    long = [arm for arm in arms if _chain(arm) >= FEWEST]
-    if len(long) < 2:  # one arm, or a hand alone
-        _arm(top, root, "", found)
-        found.gripper = _gripper(top, source)
-        return found
-    for number, arm in enumerate(long):
-        side = next((side for side in ("left", "right") if side in arm.name.lower()), str(number + 1))
-        _arm(arm, root, f"{side}_", found)
-    # Tasks for one hand ask for frames without a side.
-    last = "right_" if any(role.startswith("right_") for role in found.frames) else f"{len(long)}_"
-    found.frames |= {role.removeprefix(last): link for role, link in found.frames.items() if role.startswith(last)}
+    branches = limbs.branches_of(source.spec.body(root))
+    sides = _sides(branches)
+    shape = Shape(source.spec, source.mimics)
+    for branch, side in zip(branches, sides, strict=True):
+        _Limb(source, root, shape, branch, side).add(found)
+    if len(branches) > 1:  # tasks for one hand ask for frames without a side
+        last = "right_" if "right_" in sides else sides[-1]
+        found.frames |= {role.removeprefix(last): each for role, each in found.frames.items() if role.startswith(last)}
+    kept = {joint.name for each in branches for body in limbs.subtree(each.top) for joint in body.joints}
+    kept |= {
+        joint.name for each in branches for body in limbs.way(source.spec.body(root), each.top) for joint in body.joints
+    }
+    aside = [body for each in branches for top in each.others for body in limbs.subtree(top)]
+    loose = [joint.name for body in aside for joint in body.joints]
+    found.still = sorted({*loose, *(joint.name for joint in source.spec.joints if joint.name not in kept)})
     return found
 
 
-def _arm(top: Any, root: str, side: str, found: Guess) -> None:
-    palm = _palm(top)
-    if palm is None:
-        last = _last(top)
-        found.frames[f"{side}flange"] = _flange(top) or _named(last, root)
-        return
-    found.hand.append(_named(palm, root))
-    found.frames[f"{side}palm"] = _named(palm, root)
-    if palm.name != root and palm.parent is not None and palm.parent.name != "world":
-        found.frames[f"{side}flange"] = _flange(top) or _named(palm.parent, root)
-    for number, finger in enumerate(_branches(palm)):
-        tip = _last(finger)
-        # In `openarm_left_ee_outer_finger`, `left` is the arm.
-        own = re.sub(side.rstrip("_"), "", tip.name, flags=re.IGNORECASE) if side else tip.name
-        name = next((name for name, form in _FINGERS.items() if re.search(form, own, re.IGNORECASE)), "")
-        role = f"{side}tip_{name or number + 1}"
-        found.frames[role if role not in found.frames else f"{side}tip_{number + 1}"] = _named(tip, root)
+def _sides(branches: list[limbs.Branch]) -> list[str]:
+    """Prefix of the roles of each arm."""
+    if len(branches) == 1:
+        return [""]
+    names = [next((side for side in ("left", "right") if side in each.top.name.lower()), "") for each in branches]
+    clear = all(names) and len(set(names)) == len(names)
+    return [f"{name if clear else number}_" for number, name in enumerate(names, 1)]
 
 
-def _gripper(top: Any, source: Source) -> tuple[str, float, float] | None:
-    """The parallel gripper of a hand with two fingers of one sliding joint each, of which one follows the other.
+class _Limb:
+    """Guesses the roles of one arm.
 
-    Open is the limit that is farther from 0, because grippers count from closed.
+    Args:
+        source: The file.
+        root: Its root link.
+        shape: Its geometry.
+        branch: The arm.
+        side: Prefix of its roles.
     """
-    palm = _palm(top)
-    fingers = [] if palm is None else _branches(palm)
-    joints = [joint for finger in fingers for joint in finger.joints]
-    slide = all(joint.type == mujoco.mjtJoint.mjJNT_SLIDE for joint in joints)
-    if not slide or [*map(_count, fingers)] != [1, 1] or len(joints) != 2:
-        return None
-    for one, other in (joints, joints[::-1]):
-        if source.mimics.get(other.name, ("",))[0] == one.name:
-            closed, opened = sorted(map(float, one.range), key=abs)
-            return str(one.name), opened, closed
-    return None
 
+    def __init__(self, source: Source, root: str, shape: Shape, branch: limbs.Branch, side: str) -> None:
+        self._source, self._root, self._shape, self._branch, self._side = source, root, shape, branch, side
+        self._palm = branch.palm
 
-def _named(body: Any, root: str) -> str:
-    return "base" if body.name == root else str(body.name)
-
-
-def _branches(body: Any) -> list[Any]:
-    """Descendants that begin a chain with joints, with fixed bodies in between skipped."""
-    found = []
-    for each in body.bodies:
-        if not _count(each):
-            continue
-        if list(each.joints):
-            found.append(each)
+    def add(self, found: Guess) -> None:
+        """Add its roles."""
+        count = len(self._branch.fingers)
+        self._flange(found)
+        leader = self._leader(found) if count > 1 else None
+        down = 0 if count > 1 and leader is None else 2
+        if count == 0:
+            self._tool(found)
+        elif count == 1:
+            self._jaw(found)
+        elif leader is not None:
+            self._parallel(found, *leader)
         else:
-            inner = _branches(each)
-            found += [each] if len(inner) == 1 else inner
-    return found
+            self._many(found)
+        joints = [joint.name for body in limbs.way(self._branch.top, self._palm) for joint in body.joints]
+        driven = [name for name in joints if name not in self._source.mimics]
+        found.home |= home.found(self._shape, driven, found.frames[self._side + "palm"].spot, down)
+        if (gripper := found.grippers.get(self._limb)) is not None:
+            found.home[gripper[0]] = gripper[1]
+
+    @property
+    def _limb(self) -> str:
+        return self._side.rstrip("_") or "arm"
+
+    def _role(self, found: Guess, role: str, body: Any, at: np.ndarray, axes: Any, sure: Confidence, why: str) -> None:
+        place = self._shape.inside(body, at)
+        turn = np.array([1.0, 0.0, 0.0, 0.0]) if axes is None else self._shape.turned(body, axes)
+        found.frames[self._side + role] = Role(Spot(self._named(body), place, turn), sure, why)
+
+    def _named(self, body: Any) -> str:
+        return "base" if body.name == self._root else str(body.name)
+
+    def _flange(self, found: Guess) -> None:
+        """The link that is called so, or else the one that carries the hand."""
+        known = next((each for each in limbs.subtree(self._branch.top) if _FLANGES.search(each.name)), None)
+        if known is not None:
+            self._role(found, "flange", known, self._shape.data.body(known.name).xpos, None, "certain", "its name")
+        elif not self._branch.fingers:
+            at = self._shape.data.body(self._palm.name).xpos
+            self._role(found, "flange", self._palm, at, None, "likely", "the end of the chain")
+        elif self._palm.name != self._root:
+            one = len(self._branch.fingers) == 1
+            carrier = self._palm if one or self._palm.parent.name == "world" else self._palm.parent
+            at = self._shape.data.body(carrier.name).xpos
+            self._role(found, "flange", carrier, at, None, "likely", "it carries the hand")
+
+    def _tool(self, found: Guess) -> None:
+        """An arm without a hand: it pushes with the end of its last link."""
+        carrier = self._palm
+        while carrier.parent is not None and carrier.parent.name != "world" and not list(carrier.joints):
+            carrier = carrier.parent
+        middle = self._shape.data.body(self._palm.name).xpos
+        ahead = self._shape.outwards(self._branch)
+        axes = hands.square(ahead, np.zeros(3))
+        far = float(((self._shape.outline(carrier) - middle) @ ahead).max())
+        tip = middle + max(far, 0.0) * ahead
+        why = "the file has no hand: the arm pushes with its end"
+        self._role(found, "palm", self._palm, tip - hands.BACK_M * ahead, axes, "unsure", why)
+        self._role(found, "tip_tool", self._palm, tip, None, "unsure", why)
+        found.pointing.append(self._limb)
+
+    def _jaw(self, found: Guess) -> None:
+        """One finger, which closes against the link that carries it."""
+        (finger,) = self._branch.fingers
+        (joint, *_) = finger.joints
+        closed, opened = sorted(self._shape.limits(joint.name), key=abs)
+        if abs(opened - closed) > hands.SWING_RAD and not _slides(joint):
+            opened = closed + float(np.sign(opened - closed)) * hands.SWING_RAD
+        self._shape.place({joint.name: opened})
+        wide = self._shape.outline(finger).mean(axis=0)
+        self._shape.place({joint.name: closed})
+        points = self._shape.outline(finger)
+        ahead = self._shape.ahead(self._branch, points)
+        axes = hands.square(ahead, wide - points.mean(axis=0))
+        tip = hands.end(points, ahead, -axes[:, 1])
+        why = f"joint `{joint.name}` alone is called a gripper: a jaw that closes against `{self._palm.name}`"
+        self._role(found, "palm", self._palm, tip - hands.BACK_M * ahead, axes, "likely", why)
+        self._role(found, "tip_fixed", self._palm, tip, None, "likely", "where the closed jaw ends")
+        self._role(found, "tip_jaw", finger, tip, None, "likely", "the end of its mesh")
+        found.hand.append(self._named(finger))
+        found.grippers[self._limb] = (joint.name, opened, closed)
+
+    def _leader(self, found: Guess) -> tuple[str, list[str]] | None:
+        """The one joint that moves both fingers, and the joints that follow it; None: they move by themselves."""
+        inner = [[j.name for b in limbs.subtree(f) for j in b.joints] for f in self._branch.fingers]
+        names = [name for each in inner for name in each]
+        leaders = {name for name in names if name not in self._source.mimics}
+        led = {self._source.mimics[name][0] for name in names if name in self._source.mimics}
+        if len(leaders | led) == 1:
+            # Of a linkage, the two longest chains are the fingers, and the others support them.
+            self._branch.fingers = sorted(self._branch.fingers, key=limbs.depth, reverse=True)[:2]
+            return (leaders | led).pop(), names
+        if len(names) == 2 and not led and all(_slides(f.joints[0]) for f in self._branch.fingers):
+            one, other = names
+            axes = [self._shape.data.joint(name).xaxis for name in names]
+            found.followers[other] = (one, -1.0 if axes[0] @ axes[1] > 0 else 1.0)
+            return one, names
+        return None
+
+    def _parallel(self, found: Guess, leader: str, names: list[str]) -> None:
+        """Two fingers that one joint moves."""
+        fingers = self._branch.fingers
+        gaps: list[tuple[float, float]] = []
+        both = [name for name in names if name in found.followers]
+        for position in self._shape.limits(leader):
+            self._shape.place({leader: position, **{n: found.followers[n][1] * position for n in both}})
+            one, other = (self._shape.outline(each).mean(axis=0) for each in fingers)
+            gaps.append((float(np.linalg.norm(one - other)), position))
+        (_, closed), (_, opened) = sorted(gaps)
+        self._shape.place({leader: opened, **{n: found.followers[n][1] * opened for n in both}})
+        outlines = [self._shape.outline(each) for each in fingers]
+        ahead = self._shape.ahead(self._branch, np.array([each.mean(axis=0) for each in outlines]))
+        axes = hands.square(ahead, outlines[0].mean(axis=0) - outlines[1].mean(axis=0))
+        tips = [hands.end(each, ahead, sign * axes[:, 1]) for each, sign in zip(outlines, (-1, 1), strict=True)]
+        why = "two fingers that one joint moves branch here"
+        middle = (tips[0] + tips[1]) / 2
+        self._role(found, "palm", self._palm, middle - hands.BACK_M * ahead, axes, "likely", why)
+        for number, (finger, tip) in enumerate(zip(fingers, tips, strict=True), 1):
+            role = f"tip_{self._finger(finger) or number}"
+            last = limbs.last(finger)
+            self._role(found, role, last, tip, None, "likely", "the inner side of the end of its mesh")
+        found.hand.append(self._named(self._palm))
+        found.grippers[self._limb] = (leader, opened, closed)
+
+    def _many(self, found: Guess) -> None:
+        """A hand with fingers that move by themselves."""
+        tips, fingers = [], self._branch.fingers
+        for finger in fingers:
+            points, start = self._shape.outline(finger), self._shape.data.body(finger.name).xpos
+            far = points.mean(axis=0) - start
+            tips.append(hands.end(points, far / max(float(np.linalg.norm(far)), 1e-9), np.zeros(3)))
+        ahead = self._shape.ahead(self._branch, np.array(tips))
+        straight, bent = np.mean(tips, axis=0), self._bent()
+        # The palm's normal is the side to which the fingers bend.
+        normal = hands.square(ahead, bent - straight)[:, 1]
+        axes = np.stack([ahead, np.cross(normal, ahead), normal], axis=1)
+        start = np.mean([self._shape.data.body(each.name).xpos for each in fingers], axis=0)
+        count = len(fingers)
+        self._role(found, "palm", self._palm, start, axes, "likely", f"{count} fingers branch here, and bend to its z")
+        for number, (finger, tip) in enumerate(zip(fingers, tips, strict=True), 1):
+            name = self._finger(limbs.last(finger))
+            role = f"tip_{name or number}"
+            role = role if self._side + role not in found.frames else f"tip_{number}"
+            sure: Confidence = "likely" if name else "unsure"
+            self._role(found, role, limbs.last(finger), tip, None, sure, "the end of its mesh")
+        found.hand.append(self._named(self._palm))
+        found.pointing.append(self._limb)
+
+    def _bent(self) -> np.ndarray:
+        """Mean position (3,) of the fingers with their joints nearer to the limit that is farther from 0."""
+        joints = [
+            joint.name for finger in self._branch.fingers for body in limbs.subtree(finger) for joint in body.joints
+        ]
+        before = {name: float(self._shape.data.joint(name).qpos[0]) for name in joints}
+        self._shape.place({name: 0.3 * max(self._shape.limits(name), key=abs) for name in joints})
+        found = np.mean([self._shape.outline(each).mean(axis=0) for each in self._branch.fingers], axis=0)
+        self._shape.place(before)
+        return np.asarray(found)
+
+    def _finger(self, body: Any) -> str:
+        """Name of a finger; in `openarm_left_ee_outer_finger`, `left` is the arm."""
+        side = self._side.rstrip("_")
+        own = re.sub(side, "", body.name, flags=re.IGNORECASE) if side else body.name
+        return next((name for name, form in _FINGERS.items() if re.search(form, own, re.IGNORECASE)), "")
 
 
-def _count(body: Any) -> int:
-    """Number of joints of a body and all its descendants."""
-    return len(list(body.joints)) + sum(_count(each) for each in body.bodies)
+def _slides(joint: Any) -> bool:
+    import mujoco
 
-
-def _chain(body: Any) -> int:
-    """Joints from a body to the next branch or the end."""
-    count = 0
-    while True:
-        count += len(list(body.joints))
-        inner = [each for each in body.bodies if _count(each)]
-        if len(inner) != 1:
-            return count
-        body = inner[0]
-
-
-def _palm(body: Any) -> Any | None:
-    """The first body with two chains with joints; None if the chain does not branch."""
-    while True:
-        inner = [each for each in body.bodies if _count(each)]
-        if len(inner) > 1:
-            return body
-        if not inner:
-            return None
-        body = inner[0]
-
-
-def _last(body: Any) -> Any:
-    """The last body of a chain, including a fixed body at its end."""
-    while True:
-        inner = sorted(body.bodies, key=_count, reverse=True)
-        if not inner:
-            return body
-        body = inner[0]
-
-
-def _flange(top: Any) -> str | None:
-    """A link with the name of a flange."""
-    waiting = [top]
-    for body in waiting:
-        if _FLANGES.search(body.name):
-            return str(body.name)
-        waiting += list(body.bodies)
-    return None
+    return bool(joint.type == mujoco.mjtJoint.mjJNT_SLIDE)

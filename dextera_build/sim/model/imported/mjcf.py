@@ -16,10 +16,8 @@ from dextera_build.sim.model.imported import files as meshes
 from dextera_build.sim.model.imported import flat
 from dextera_build.sim.model.imported.files import wrong
 from dextera_build.sim.model.imported.precise import precise
-from dextera_build.sim.model.imported.source import Source
+from dextera_build.sim.model.imported.source import WHOLE, Source
 
-WHOLE = "world_base"
-"""Name of the body for everything, if a file has several roots."""
 _MOVING = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 
 

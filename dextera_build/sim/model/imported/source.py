@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+WHOLE = "world_base"
+"""Link for everything that is fixed to the world: of several roots of a file, or of a root called `world`."""
+
 
 @dataclass
 class Source:
@@ -22,5 +25,9 @@ class Source:
     """Joint -> stiffness and damping of its position actuator [N m/rad, N m s/rad]."""
     home: dict[str, float] = field(default_factory=dict)
     """Joint -> position in its first keyframe [rad or m]."""
+    repaired: dict[str, str] = field(default_factory=dict)
+    """Link -> its moments of inertia in the file, which no body has, and those that replace them [kg m^2]."""
+    renamed: dict[str, str] = field(default_factory=dict)
+    """Link -> its name in the robot model."""
     dropped: list[str] = field(default_factory=list)
     """Elements that a robot model cannot represent."""

@@ -12,19 +12,24 @@ import numpy as np
 from dextera_build.errors import listing
 from dextera_build.formats import bounds, xml_text
 from dextera_build.geometry import quaternions
-from dextera_build.sim.model.imported import elements, tree
+from dextera_build.sim.model.imported import elements, inertia, tree
 from dextera_build.sim.model.imported import files as meshes
 from dextera_build.sim.model.imported.files import wrong
 from dextera_build.sim.model.imported.flat import MOST_BODIES, MOST_ELEMENTS
-from dextera_build.sim.model.imported.source import Source
+from dextera_build.sim.model.imported.source import WHOLE, Source
 
 MOST_MESHES = 2_000
 """Maximum number of pairs of a mesh and a scale."""
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
 
 
-def read(path: str, files: Mapping[str, bytes]) -> Source:
+def read(path: str, files: Mapping[str, bytes], repair: bool = False) -> Source:
     """Read the URDF `path`.
+
+    Args:
+        path: Path of the file.
+        files: Path -> content.
+        repair: Replace moments of inertia that no body has, instead of raising.
 
     Raises:
         RuleError: It is not valid; the message names the link, the joint or the file.
@@ -40,14 +45,25 @@ def read(path: str, files: Mapping[str, bytes]) -> Source:
         raise wrong(f"`{path}` is not URDF", element=f"<{root.tag}>", hint="name a file that begins with <robot>")
     bounds.check(path, "links", len(root.findall("link")), MOST_BODIES)
     bounds.check(path, "geometries", len(root.findall("link/*/geometry")), MOST_ELEMENTS)
-    return _Reader(path, root, files).read()
+    _free_world(root)
+    return _Reader(path, root, files, repair).read()
+
+
+def _free_world(root: ET.Element) -> None:
+    """Rename a link `world`, the usual name of a root that stands on the ground, because MuJoCo's world has it."""
+    ends = [*root.findall("link"), *root.findall("joint/parent"), *root.findall("joint/child")]
+    for element in ends:
+        key = "name" if element.tag == "link" else "link"
+        if element.get(key) == "world":
+            element.set(key, WHOLE)
 
 
 class _Reader:
     """Builds the model of one file."""
 
-    def __init__(self, path: str, root: ET.Element, files: Mapping[str, bytes]) -> None:
-        self._path, self._root, self._files = path, root, files
+    def __init__(self, path: str, root: ET.Element, files: Mapping[str, bytes], repair: bool) -> None:
+        self._path, self._root, self._files, self._repair = path, root, files, repair
+        self._faults: dict[str, str] = {}
         self._links = elements.named(path, root.findall("link"), "link")
         self._joints = elements.named(path, root.findall("joint"), "joint")
         self._colours = {
@@ -75,6 +91,7 @@ class _Reader:
                 self._fill(below, child)
                 self._add_joint(below, joint, element)
                 waiting.append((below, child))
+        self._check_inertias()
         self._check_mimics()
         self._check_masses(children)
         return self._found
@@ -107,15 +124,33 @@ class _Reader:
             body.mass, body.inertia = 0.0, [0.0, 0.0, 0.0]
             return
         place, turn = elements.origin(element)
-        inertia = element.find("inertia")
+        stated = element.find("inertia")
         xx, xy, xz, yy, yz, zz = (
-            elements.number(inertia, key, 0.0) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+            elements.number(stated, key, 0.0) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
         )
         moments, axes = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
-        check_inertia(name, mass, moments)
+        if (reason := inertia.fault(mass, moments)) and (mass < 0 or not self._repair):
+            self._faults[name] = reason
+            return
+        if reason:
+            moments, before = inertia.repaired(mass, moments), inertia.listed(moments)
+            self._found.repaired[name] = f"{before} -> {inertia.listed(moments)} kg m^2"
         axes[:, 2] *= np.sign(np.linalg.det(axes))
         body.mass, body.inertia, body.ipos = mass, moments, place
         body.iquat = quaternions.from_matrix(quaternions.to_matrix(turn) @ axes)
+
+    def _check_inertias(self) -> None:
+        """Raise for the first link with moments of inertia that no body has, and list all others."""
+        if not self._faults:
+            return
+        name, reason = next(iter(self._faults.items()))
+        others = [each for each in self._faults if each != name]
+        raise wrong(
+            f"link `{name}` has {reason}",
+            **({"also": listing(others)} if others else {}),
+            hint="copy them from the drawing, or compute them from the mesh and the mass; `repair_inertias: true` in "
+            "the part of the recipe, or `dxb new robot --repair-inertias`, takes the nearest ones that a body can have",
+        )
 
     def _add_joint(self, body: Any, name: str, element: ET.Element) -> None:
         kind = element.get("type", "")
@@ -211,27 +246,3 @@ class _Reader:
             if material.find("color") is not None
             else self._colours.get(material.get("name", ""))
         )
-
-
-def check_inertia(link: str, mass: float, moments: np.ndarray) -> None:
-    """Raise for moments of inertia that no rigid body has.
-
-    Raises:
-        RuleError: Mass or a moment is not positive, or one moment exceeds the sum of the others.
-    """
-    ordered = np.sort(moments)
-    if mass <= 0 or ordered[0] <= 0:
-        raise wrong(
-            f"link `{link}` has mass {mass:g} kg and principal moments {_listed(ordered)} kg m^2, not all positive",
-            hint="copy them from the drawing, or compute them from the mesh and the mass",
-        )
-    if ordered[2] > (ordered[0] + ordered[1]) * 1.001 + 1e-12:
-        raise wrong(
-            f"link `{link}` has principal moments {_listed(ordered)} kg m^2, which no body has: the largest exceeds "
-            "the sum of the others",
-            hint="are products of inertia missing, or was the unit mixed?",
-        )
-
-
-def _listed(values: np.ndarray) -> str:
-    return " ".join(f"{value:.3g}" for value in values)
