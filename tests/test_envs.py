@@ -43,7 +43,8 @@ def archive(path: Path, *tasks: TaskBundle) -> Path:
     for node, each in zip(nodes, tasks, strict=True):
         document = store.blobs.put(Writer().document(node, {}))
         store.actions.put(document, ActionResult(each.encode(store.blobs.put), "", (), {}, 1.0, None, document))
-    found = survey(plan, [Address(f"task_{number}") for number in range(len(tasks))], store, "targets", lambda file: file.name)
+    wanted = [Address((node.name,)) for node in nodes]
+    found = survey(plan, wanted, store, "targets", lambda file: file.name)
     build = Build("task/lift", found.targets, "cpu", found.nodes)
     Export(store, Contents("targets", "1.0", (build,), {"task/lift": "nodes: {}\n"})).write(path)
     return path
