@@ -17,12 +17,12 @@ cache = "cache"
 _IGNORE = "cache/\n.envs/\ndxb.local.toml\n__pycache__/\n"
 _RECIPE = """summary: The twin of {words}.
 extends: twin/tabletop
-# The photograph: `capture/` of this project, with rgb.png, depth.png and capture.json. `dxb build twin/{name}` and
-# `dxb build --lock twin/{name}` need no more; `--input capture=PATH` takes another one.
+# The photograph: `capture/` of this project, with rgb.png, depth.png and capture.json. `dxb build {name}` and
+# `dxb build --lock {name}` need no more; `--input capture=PATH` takes another one.
 inputs:
   capture: capture
 # Options of one object's nodes, by the object's name in the build log:
-#   dxb build twin/{name} --input capture=PATH --set 'body[blue_mug].mesh.primitives.wall_m=0.004'
+#   dxb build {name} --input capture=PATH --set 'body[blue_mug].mesh.primitives.wall_m=0.004'
 """
 _README = """# A dxb project
 
@@ -47,12 +47,11 @@ def run(args: argparse.Namespace) -> int:
     """Write the project's files, and say what to do next; existing files are left unchanged."""
     root = Path(args.folder)
     name = _name(root)
-    words = {"name": name, "words": name.replace("_", " "), "dots": " " * len(name)}
     files = {
         "dxb.toml": _CONFIG,
         ".gitignore": _IGNORE,
-        "README.md": _README.format(**words),
-        f"recipes/twin/{name}.yaml": _RECIPE.format(**words),
+        "README.md": _README.format(name=name, dots=" " * len(name)),
+        f"recipes/twin/{name}.yaml": twin_text(f"twin/{name}"),
     }
     if (root / "dxb.toml").exists():
         raise UsageError(
@@ -70,6 +69,11 @@ def run(args: argparse.Namespace) -> int:
     cd = "" if root.resolve() == Path.cwd() else f"cd {shlex.quote(str(root))} && "
     print(_NEXT.format(capture=root / "capture", cd=cd, name=name), end="", file=sys.stderr)
     return 0
+
+
+def twin_text(recipe: str) -> str:
+    """A recipe of this address for the project's own photograph."""
+    return _RECIPE.format(name=recipe, words=recipe.rpartition("/")[2].replace("_", " "))
 
 
 def _name(root: Path) -> str:
