@@ -26,8 +26,8 @@ class Locking:
     """The lock file during one command.
 
     `--lock` pins the built targets, `--locked` refuses targets that differ. Without either, the pins of an existing
-    lock file are updated, and none is added. A build with `--input` changes pins only with `--lock`; one with `--set` or
-    `--backend` is never pinned.
+    lock file are updated, and none is added. A build with `--input` changes pins only with `--lock`; one with `--set`
+    or `--backend` is never pinned.
 
     Args:
         project: The project with the lock file.

@@ -20,6 +20,7 @@ from dextera_build.errors import (
     did_you_mean,
     install_extra,
     listing,
+    smallest_extra,
 )
 from dextera_build.recipe import folders, matrix
 from dextera_build.recipe.backends import Choice, Wish, choose, given_of, taking, with_used
@@ -289,7 +290,7 @@ def facts_of(
         raise MachineError(
             f"{found.path} needs {listing(missing)}, which is not installed",
             code="DXB-E302",
-            hint=install_extra("all"),
+            hint=install_extra(smallest_extra(missing)),
         )
     program = backend.program if backend else None
     # How values look outside is part of the result, although no backend imports it.

@@ -59,8 +59,8 @@ def run(args: argparse.Namespace) -> int:
             code="DXB-U190",
             hint="`dxb ls` shows its recipes",
         )
-    for name, text in files.items():
-        path = root / name
+    for file, text in files.items():
+        path = root / file
         if path.exists():
             continue
         path.parent.mkdir(parents=True, exist_ok=True)
