@@ -36,7 +36,9 @@ def test_the_code_of_the_page_runs_without_other_extras(tmp_path):
         timeout=300,
     )
     assert done.returncode == 0, done.stderr
-    first, second, third = done.stdout.splitlines()
+    first, second, third, fourth, fifth = done.stdout.splitlines()
     assert first.startswith("(2, 7) ")
     assert second == "('x.delta', 'y.delta', 'z.delta', 'left.delta', 'right.delta')"
-    assert third == "(96, 128, 3) (96, 128, 3)"
+    assert third.startswith("-1.0 1.0 (")
+    assert fourth == "{'agent_pos': (5,), 'environment_state': (14,)}"
+    assert fifth == "(96, 128, 3) (96, 128, 3)"

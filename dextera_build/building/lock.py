@@ -26,7 +26,8 @@ class Locking:
     """The lock file during one command.
 
     `--lock` pins the built targets, `--locked` refuses targets that differ. Without either, the pins of an existing
-    lock file are updated, and none is added. Builds with `--input`, `--set` or `--backend` are never pinned.
+    lock file are updated, and none is added. A build with `--input` changes pins only with `--lock`; one with `--set`
+    or `--backend` is never pinned.
 
     Args:
         project: The project with the lock file.
@@ -41,17 +42,18 @@ class Locking:
 
     def __init__(self, project: Project, *, lock: bool, locked: bool, added: Added) -> None:
         self._project, self._plain = project, not added
+        self._given = "".join(f" --input {name}={value}" for name, value in added.inputs.items())
         self.lock, self.locked = lock, locked
         self.path = project.root / LOCK
         if lock and locked:
             raise UsageError("`--lock` and `--locked` do not go together", code="DXB-U160", hint="give one of them")
-        if (lock or locked) and not self._plain:
+        if (lock or locked) and (added.settings or added.backends):
             raise UsageError(
-                "a build with `--input`, `--set` or `--backend` cannot be pinned",
+                "a build with `--set` or `--backend` cannot be pinned",
                 code="DXB-U161",
                 hint="write it into a recipe, which can extend this one, and lock that",
             )
-        pins = self._pins() if self._plain else None
+        pins = self._pins() if self._plain or lock or locked else None
         self._exists = pins is not None
         self._old = pins or {}
         self._new: dict[Name, Pin | None] = {}
@@ -81,7 +83,7 @@ class Locking:
                 f"`{session.recipe}` does not match `{self.path.name}`",
                 code="DXB-C103",
                 facts=facts,
-                hint=f"`dxb build --lock {session.recipe}` pins the current one",
+                hint=f"`dxb build --lock {session.recipe}{self._given}` pins the current one",
             )
 
     def _difference(self, recipe: str, state: Planned, causes: Causes) -> str:
@@ -102,7 +104,7 @@ class Locking:
 
     def note(self, session: Session, plan: Plan, wanted: Sequence[Address], result: RunResult) -> None:
         """Collect the pins of the built targets; drop the pins of targets that no longer exist."""
-        if not self._plain or self.locked or not (self.lock or self._exists):
+        if self.locked or not (self.lock or (self._plain and self._exists)):
             return
         from dextera_build.project.lockfile import Pin
 

@@ -26,9 +26,6 @@ _RECORDS = ("top_level.txt", "RECORD")
 
 _VERSION = re.compile(r"^version: *(\S+) *$", re.IGNORECASE | re.MULTILINE)
 """The version in the metadata of a distribution."""
-_NAME = re.compile(r"[\w.-]+")
-_EXTRA = re.compile(r"extra == ['\"]([\w-]+)['\"]")
-"""Name of the extra in a requirement of a distribution."""
 _METADATA = {".dist-info": ("METADATA", "entry_points.txt"), ".egg-info": ("PKG-INFO", "entry_points.txt")}
 """Ending of a distribution's folder -> its files that hold the version and the entry points."""
 _ENDINGS = tuple(_METADATA)
@@ -48,19 +45,6 @@ def version_of(distribution: str) -> str | None:
     head = (found.read_text("METADATA") or found.read_text("PKG-INFO") or "").partition("\n\n")[0]
     line = _VERSION.search(head)
     return line[1] if line else found.version
-
-
-def extra_with(missing: Iterable[str]) -> str:
-    """The smallest extra of dxb that installs all of these distributions; `all` if none does."""
-    import importlib.metadata
-
-    found: defaultdict[str, set[str]] = defaultdict(set)
-    for line in importlib.metadata.requires("dextera-build") or ():
-        if (extra := _EXTRA.search(line)) and (name := _NAME.match(line)):
-            found[extra[1]].add(normal(name[0]))
-    wanted = {normal(name) for name in missing}
-    enough = [extra for extra, names in found.items() if wanted <= names]
-    return min(enough, key=lambda extra: (len(found[extra]), extra), default="all")
 
 
 def normal(distribution: str) -> str:

@@ -58,7 +58,7 @@ def rows(store: Store, old: Side, new: Side) -> list[Row]:
 
 def run_rows(store: Store, old: Events, new: Events) -> dict[str, list[Row]]:
     """Node -> its differences, for the nodes that differ between two runs."""
-    before, after = _nodes(old), _nodes(new)
+    before, after = nodes(old), nodes(new)
     found = {}
     for node in dict.fromkeys([*before, *after]):
         if node not in before or node not in after:
@@ -68,7 +68,7 @@ def run_rows(store: Store, old: Events, new: Events) -> dict[str, list[Row]]:
     return found
 
 
-def _nodes(events: Events) -> dict[str, Side]:
+def nodes(events: Events) -> dict[str, Side]:
     """Address -> final state of each node of a run."""
     return {
         event["node"]: Side(event["node"], event["key"], event["output"], event["status"])

@@ -83,6 +83,20 @@ class Encoder:
         packets += coder.encode(None)
         return Clip([(bytes(packet), bool(packet.is_keyframe)) for packet in packets])
 
+    def stream(self, pixels: Iterable[np.ndarray]) -> Iterator[bytes]:
+        """Encode frames (H, W, 3) uint8 sRGB as Annex B, one at a time; every key frame has the parameter sets."""
+        import av
+
+        coder = av.CodecContext.create("libx264", "w")
+        self._set(coder, header=False)
+        coder.options |= {"tune": "zerolatency"}
+        coder.framerate = self.rate
+        for number, picture in enumerate(pixels):
+            frame = av.VideoFrame.from_ndarray(yuv420(picture[None])[0], format="yuv420p")
+            frame.pts, frame.time_base = number, 1 / self.rate
+            yield from map(bytes, coder.encode(frame))
+        yield from map(bytes, coder.encode(None))
+
     @contextmanager
     def joined(self, path: Path) -> Iterator[Callable[[Clip], None]]:
         """A function that appends clips to a new MP4 file; frame n of the file starts at n / rate."""
@@ -104,12 +118,14 @@ class Encoder:
 
             yield add
 
-    def _set(self, coder: Any) -> None:
+    def _set(self, coder: Any, *, header: bool = True) -> None:
         from av.codec.context import Flags
 
         coder.width, coder.height, coder.pix_fmt = self.width, self.height, "yuv420p"
         coder.time_base, coder.thread_count = 1 / self.rate, 1
-        coder.flags |= Flags.global_header | Flags.bitexact
+        coder.flags |= Flags.bitexact
+        if header:  # the parameter sets are in the header of the file, not in the stream
+            coder.flags |= Flags.global_header
         # Without B-frames, coding order and display order are the same.
         coder.options = {"qp": str(self.qp), "g": str(self.keyframe_every), "bf": "0", "preset": self.preset} | {
             "x264-params": _CONSTANT

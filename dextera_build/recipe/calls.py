@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build.code.code_digest import EXCHANGE, FILE
 from dextera_build.code.companions import Companion, Companions, each_of, paths_of
-from dextera_build.code.distributions import extra_with, version_of
+from dextera_build.code.distributions import version_of
 from dextera_build.code.loader import BackendFile, Library, RuleFile
 from dextera_build.engine.graph import Call, Input, Item, Leaf, Output, Pack, RuleFacts
 from dextera_build.errors import (
@@ -20,6 +20,7 @@ from dextera_build.errors import (
     did_you_mean,
     install_extra,
     listing,
+    smallest_extra,
 )
 from dextera_build.recipe import files, folders, matrix
 from dextera_build.recipe.backends import Choice, Wish, choose, given_of, taking, with_used
@@ -291,7 +292,7 @@ def facts_of(
         raise MachineError(
             f"{found.path} needs {listing(missing)}, which is not installed",
             code="DXB-E302",
-            hint=install_extra(extra_with(missing)),
+            hint=install_extra(smallest_extra(missing)),
         )
     program = backend.program if backend else None
     # How values look outside is part of the result, although no backend imports it.

@@ -8,12 +8,14 @@ from pydantic import PositiveFloat, model_validator
 
 from dextera_build.artifacts.base import File, Folder
 from dextera_build.artifacts.spatial.pose import Pose
-from dextera_build.errors import MachineError, install_extra
+from dextera_build.errors import MachineError, install_extra, smallest_extra
 from dextera_build.rule import Context, Options, rule
 
 from . import readers
 from .readers import Read
 
+_DISTRIBUTIONS = {"cv2": "opencv-python-headless", "pxr": "usd-core", "mcap_ros2": "mcap-ros2-support"}
+"""Module -> its distribution, where the names differ."""
 _OPTIONS_OF = {
     "frame": ("Panorama", "PointCloud", "Splats", "Trajectory", "Views"),
     "child": ("Trajectory",),
@@ -90,10 +92,11 @@ def file(
     try:
         return _read(given, pose, camera_info, options)
     except ModuleNotFoundError as error:  # other types are read without it
+        module = str(error.name).partition(".")[0]
         raise MachineError(
             f"reading a {options.type} needs `{error.name}`, which is not installed",
             code="DXB-E302",
-            hint=install_extra("all"),
+            hint=install_extra(smallest_extra([_DISTRIBUTIONS.get(module, module)])),
         ) from None
 
 

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, Protocol
+
+from pydantic import Field, PositiveInt
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.tasks.episode import Episodes, Film
@@ -12,6 +15,7 @@ from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.rule import Context, Tolerance, rule
 
 from . import form
+from .mcap_place import place
 from .writing import written
 
 FORM = form.Form(
@@ -30,8 +34,17 @@ for message in read_ros2_messages("episode-000000.mcap", topics=["/joint_states"
 class McapOptions(form.FormOptions):
     """Options of demonstrate.mcap."""
 
-    picture: Literal["png", "jpeg"] = "png"
-    """Encoding of images; `png` is lossless."""
+    picture: Literal["png", "jpeg", "h264"] = "png"
+    """Encoding of images: `png` is lossless; `h264` is the smallest, on the topic `/<camera>/color/video`."""
+    quality: int = Field(92, ge=1, le=100)
+    """Quality of JPEG."""
+    qp: int = Field(22, ge=1, le=51)
+    """Quantisation parameter of H.264, constant: 1 is best, 51 is worst."""
+    keyframe_every: PositiveInt = 20
+    """Key frame interval of H.264; a reader decodes at most this many frames to get one."""
+    shapes: Literal["each", "beside"] = "each"
+    """Where the robot's description and the shapes of the scene are: in each recording, or once, in `scene.mcap`, which
+    Foxglove opens together with a recording. A recording whose start scales objects keeps shapes of its own."""
     compression: Literal["zstd", "none"] = "zstd"
     """Compression of the file's chunks."""
 
@@ -55,7 +68,7 @@ class McapBackend(Protocol):
 
 
 # Numbers in its files are rounded differently on another processor, and bytes have no difference to bound.
-@rule(version=2, packages=("numpy",), tolerance=Tolerance({"files": math.inf}, metrics={"size": 0.1}))
+@rule(version=3, packages=("numpy",), tolerance=Tolerance({"files": math.inf}, metrics={"size": 0.1}))
 def mcap(
     ctx: Context[McapBackend],
     bundle: TaskBundle,
@@ -73,8 +86,11 @@ def mcap(
     Time starts at 0 in every episode. Frames follow ROS: quaternions x y z w, camera frames with z forward.
     """
     form.check(ctx, episodes, film, view)
-    folder, megabytes = written(ctx, bundle, episodes, film, view, FORM, options)
-    recordings = sum(name.endswith(".mcap") for name in folder.files)
+    if film is not None and options.picture == "h264":
+        ctx.check(film.width % 2 == film.height % 2 == 0, "H.264 takes pictures of even width and height")
+    described = replace(FORM, place=lambda term: place(term, options.picture))
+    folder, megabytes = written(ctx, bundle, episodes, film, view, described, options)
+    recordings = sum(name.startswith("episode-") for name in folder.files)
     ctx.check(recordings == len(episodes.items), "episodes were lost")
     ctx.say(f"{recordings} recordings, {'with' if film else 'without'} pictures, {megabytes:.1f} MB")
     return folder

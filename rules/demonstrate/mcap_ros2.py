@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -9,6 +11,7 @@ import numpy as np
 
 from dextera_build.artifacts.tasks.episode import Episode, Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.formats.h264 import Encoder
 from dextera_build.formats.ros import messages
 from dextera_build.formats.ros.recording import Recording, packed
 from dextera_build.geometry import poses
@@ -17,6 +20,7 @@ from dextera_build.policy.layout import of_episodes
 from dextera_build.policy.terms import Term
 from dextera_build.rule import Backend, Context, Options
 
+from .mcap_place import place
 from .mcap_scene import Drawn
 
 if TYPE_CHECKING:
@@ -25,7 +29,7 @@ if TYPE_CHECKING:
 BACKEND = Backend(
     summary="ROS 2 messages in CDR, schemas as ros2msg",
     profiles=("cpu",),
-    packages=("mcap", "mujoco", "zstandard"),
+    packages=("av", "mcap", "mujoco", "zstandard"),
     extra="learn",
 )
 BASE = "base"
@@ -52,8 +56,13 @@ def write(
     drawn = Drawn(bundle)
     if drawn.clashes:
         ctx.fail("an object has the name of a link of the robot", names=", ".join(sorted(drawn.clashes)))
+    if common.shapes == "beside":
+        with (out / "scene.mcap").open("wb") as file:
+            beside = Recording(file, common.compression)
+            drawn.send(beside, episodes.in_order()[0][1], LATCHED, scaled=False)
+            beside.finish()
     for number, (label, episode) in enumerate(episodes.in_order()):
-        pictures = film.each(label) if film is not None else None
+        pictures = _encoded(film, label, episodes, common) if film is not None else None
         with (out / f"episode-{number:06d}.mcap").open("wb") as file:
             recording = EpisodeRecording(file, episodes, common, drawn)
             recording.describe(bundle, label, episode)
@@ -64,6 +73,14 @@ def write(
                     recording.picture(step, next(pictures), view)
             recording.close()
         ctx.progress(number + 1, len(episodes.items), "recordings")
+
+
+def _encoded(film: Film, label: str, episodes: Episodes, options: McapOptions) -> Iterator[bytes]:
+    """The frames of an episode, one at a time."""
+    if options.picture != "h264":
+        return (packed(pixels, options.picture, options.quality) for pixels in film.each(label))
+    rate = Fraction(episodes.rate_hz).limit_denominator(1001)
+    return Encoder(film.width, film.height, rate, options.qp, options.keyframe_every).stream(film.each(label))
 
 
 class EpisodeRecording:
@@ -111,7 +128,8 @@ class EpisodeRecording:
             edges.append((BASE, self._optical, poses.from_matrix(camera.matrix)))
         edges += self._drawn.fixed(episode)
         self._moving = self._drawn.moving(self._episodes, episode)
-        self._drawn.send(self._out, episode, LATCHED)
+        if self._options.shapes == "each" or episode.start.size_scale:
+            self._drawn.send(self._out, episode, LATCHED)
         # In one message: late subscribers get only the last one.
         self._out.send("/tf_static", "tf2_msgs/TFMessage", 0, messages.transforms(0, edges), LATCHED)
 
@@ -123,14 +141,15 @@ class EpisodeRecording:
             for topic, message in _messages(term, episode.values(term.declared.name)[step], t, reach, edges):
                 self._out.send(topic, term.declared.message, t, message)
 
-    def picture(self, step: int, pixels: np.ndarray, view: View | None) -> None:
-        """Write a frame (H, W, 3) uint8 sRGB, and the camera's intrinsics if known."""
-        t, term = self._time(step), BY_NAME["rgb"]
-        topic = term.topic.format(self._options.camera)
-        image = messages.compressed_image(
-            t, self._optical, self._options.picture, packed(pixels, self._options.picture)
-        )
-        self._out.send(topic, term.message, t, image)
+    def picture(self, step: int, encoded: bytes, view: View | None) -> None:
+        """Write an encoded frame, and the camera's intrinsics if known."""
+        t, term, kind = self._time(step), BY_NAME["rgb"], self._options.picture
+        topic = place(term, kind).format(self._options.camera)
+        if kind == "h264":
+            video = messages.compressed_video(t, self._optical, kind, encoded)
+            self._out.send(topic, "foxglove_msgs/CompressedVideo", t, video)
+        else:
+            self._out.send(topic, term.message, t, messages.compressed_image(t, self._optical, kind, encoded))
         if view is not None:
             info = messages.camera_info(t, self._optical, view.camera)
             self._out.send(f"/{self._options.camera}/color/camera_info", "sensor_msgs/CameraInfo", t, info)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -67,12 +68,15 @@ class Drawn:
             known[follower.name] = follower.ratio * known[follower.leader] + follower.offset
         return links.poses_at(self._trees(episode), known.get)
 
-    def send(self, recording: Recording, episode: Episode, quality: str) -> None:
-        """Write the robot's description and all shapes, once."""
+    def send(self, recording: Recording, episode: Episode, quality: str, *, scaled: bool = True) -> None:
+        """Write the robot's description and all shapes, once; objects in the sizes of the episode, or in their own."""
         text = self.urdf.files[urdf.MAIN].decode().replace('filename="meshes/', f'filename="{PACKAGE}meshes/')
         recording.send("/robot_description", "std_msgs/String", 0, messages.text(text), quality)
         recording.attach_files(self.urdf.files)
-        shapes = {"/scene/objects": self._objects(episode), "/scene/static": self._static()}
+        shapes = {
+            "/scene/objects": self._objects(episode.start.size_scale if scaled else {}),
+            "/scene/static": self._static(),
+        }
         if len(self.urdf.files) > 1:  # viewers may not find meshes
             shapes["/robot/visual"] = self._surfaces(self._arm, ROBOT, 1.0)
         for topic, found in shapes.items():
@@ -83,8 +87,7 @@ class Drawn:
         sizes = episode.start.size_scale
         return [self._arm, *(tree.sized(sizes.get(root, 1.0)) for root, tree in self._things.items())]
 
-    def _objects(self, episode: Episode) -> list[Marker]:
-        sizes = episode.start.size_scale
+    def _objects(self, sizes: Mapping[str, float]) -> list[Marker]:
         return [
             marker for root, tree in self._things.items() for marker in self._surfaces(tree, "", sizes.get(root, 1.0))
         ]

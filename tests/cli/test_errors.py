@@ -8,7 +8,7 @@ from unittest.mock import patch
 import pytest
 
 from dextera_build.cli.errors import read_lines, render, render_node
-from dextera_build.errors import DxbError, MachineError, Place, RecipeError, RuleError
+from dextera_build.errors import DxbError, MachineError, Place, RecipeError, RuleError, smallest_extra
 from dextera_build.runs.events import NodeFinished
 
 LINE = "  objects: {rule: segment.instances, frames: $frames, cameras: $camera, backend: sam2,"
@@ -178,3 +178,11 @@ def test_a_message_of_megabytes_is_shortened_and_the_marks_stay_under_the_word()
     assert len(shown) < 12_000
     line, marks = shown.splitlines()[3:5]
     assert line.index("word") == marks.index("^^^^")
+
+
+@pytest.mark.parametrize(
+    ("missing", "extra"),
+    [(["opencv-python-headless", "trimesh"], "twin"), (["mujoco"], "env"), (["av"], "learn"), (["no-such"], "all")],
+)
+def test_a_hint_names_the_smallest_extra(missing, extra):
+    assert smallest_extra(missing) == extra

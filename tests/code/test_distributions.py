@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.code.distributions import extra_with, normal, providers, version_of
+from dextera_build.code.distributions import normal, providers, version_of
 
 
 def install(folder: Path, name: str, version: str, **files: str) -> None:
@@ -66,11 +66,3 @@ def test_python_and_the_platform_have_versions() -> None:
     assert version_of("python") == ".".join(map(str, sys.version_info[:2]))
     assert version_of("platform") == f"linux-{os.uname().machine}"
     assert version_of("not-installed-at-all") is None
-
-
-def test_a_hint_names_the_smallest_extra_that_has_everything() -> None:
-    assert extra_with(["opencv_python_headless", "open3d"]) == "twin"
-    assert extra_with(["mujoco"]) == "env"
-    assert extra_with(["viser"]) == "view"
-    assert extra_with(["open3d", "viser"]) == "all"
-    assert extra_with(["no-such-distribution"]) == "all"

@@ -52,6 +52,7 @@ def test_a_recipe_alone_compares_its_last_two_runs(twice):
     assert ["word[three].loud", "only", "word[three].loud", "new"] in found
     assert not [row for row in found if row[0] == "word[one].loud"]
     assert found == rows(twice.dxb("diff", "0001", "0002"))
+    assert answer.err.splitlines()[0].endswith("nodes differ"), "the sentence comes first"
 
 
 def test_json_has_the_same(twice):

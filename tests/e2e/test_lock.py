@@ -175,6 +175,25 @@ def test_what_is_added_to_a_recipe_is_not_pinned(locked):
     assert (answer.code, "DXB-U160" in answer.err) == (2, True)
 
 
+def test_a_build_of_given_inputs_is_pinned_with_lock_alone(space):
+    space.write(
+        "recipes/say/note.yaml", "inputs: {note: {help: a text}}\nnodes:\n  w: {rule: toy.split, text: $note}\n"
+    )
+    for name, text in (("a.txt", "one two"), ("same.txt", "one two"), ("b.txt", "three")):
+        space.write(name, text)
+    assert space.dxb("build", "--lock", "say/note", "--input", "note=a.txt").code == 0
+    before = pins(space)
+    assert len(before) == 1
+    assert space.dxb("build", "say/note", "--input", "note=b.txt").code == 0
+    assert pins(space) == before, "a build on the side"
+    assert space.dxb("build", "--locked", "say/note", "--input", "note=same.txt").code == 0
+    answer = space.dxb("build", "--locked", "say/note", "--input", "note=b.txt")
+    assert (answer.code, "does not match `dxb.lock`" in answer.err) == (3, True)
+    assert "dxb build --lock say/note --input note=b.txt" in answer.err
+    assert space.dxb("build", "--lock", "say/note", "--input", "note=b.txt").code == 0
+    assert pins(space) != before
+
+
 def test_a_merge_conflict_stops_the_build_and_is_left_as_it_is(locked):
     path = locked.root / "dxb.lock"
     path.write_text("<<<<<<< ours\n" + path.read_text())

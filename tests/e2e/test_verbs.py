@@ -151,7 +151,9 @@ def test_cache_size_counts(built):
 def test_doctor_lists_findings(space):
     answer = space.dxb("doctor", "--json")
     assert answer.code in (0, 4)
-    assert {"python", "store", "rendering"} <= {finding["what"] for finding in json.loads(answer.out)}
+    found = {finding["what"]: finding for finding in json.loads(answer.out)}
+    assert {"python", "store", "rendering"} <= set(found)
+    assert found["extra twin"]["found"].endswith("backends"), "summed up, because this environment has all of it"
 
 
 def test_a_new_backend_has_the_functions_of_its_rule(space):
@@ -216,8 +218,24 @@ def test_what_init_suggests_is_understood(tmp_path):
     """The command in the comment of the recipe that `dxb init` writes."""
     space = Space(tmp_path)
     write_capture(tmp_path / "shot")
-    assert space.dxb("init", ".").code == 0
-    text = (tmp_path / "recipes" / "twin" / "my_table.yaml").read_text()
+    (recipe,) = (line for line in space.dxb("init", ".").out.splitlines() if "recipes" in line)
+    text = (tmp_path / recipe).read_text()
     (command,) = (line.removeprefix("#   dxb ") for line in text.splitlines() if line.startswith("#   dxb "))
     answer = space.dxb(*shlex.split(command.replace("PATH", "shot").replace("build ", "plan ", 1)))
     assert answer.code == 0, answer.err
+
+
+def test_a_new_project_is_named_by_its_folder_and_says_what_to_do_next(tmp_path):
+    """The command that it prints is all that a CI job needs, also to lock and to compare."""
+    space = Space(tmp_path)
+    answer = space.dxb("init", "Lab-2/my desk")
+    assert "Lab-2/my desk/recipes/twin/my_desk.yaml" in answer.out
+    desk = tmp_path / "Lab-2" / "my desk"
+    command = answer.err.splitlines()[-1].strip()
+    assert command == "cd 'Lab-2/my desk' && dxb build twin/my_desk"
+    there = Space(desk)
+    missing = there.dxb("plan", "twin/my_desk")
+    assert missing.code == 2
+    assert "capture" in missing.err
+    write_capture(desk / "capture")
+    assert there.dxb("plan", "twin/my_desk").code == 0

@@ -165,7 +165,7 @@ def _differ(path: str, old: Any, new: Any, get: Get) -> Difference:
     if _tag(old) == _tag(new) == "$array":
         return _arrays(path, old["$array"], new["$array"], get)
     if _is_number(old) and _is_number(new):
-        return Difference(path, "number", _short(old), _short(new), abs(float(new) - float(old)), 1, 1)
+        return Difference(path, "number", *_rounded(old, new), abs(float(new) - float(old)), 1, 1)
     kind: Kind = "bytes" if _tag(old) == _tag(new) == "$bytes" else "value" if _tag(old) == _tag(new) else "type"
     return Difference(path, kind, _short(old), _short(new))
 
@@ -218,6 +218,14 @@ def _tag(value: Any) -> str:
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _rounded(old: float, new: float) -> tuple[str, str]:
+    """Two numbers with six digits, or with as many as show that they differ."""
+    if isinstance(old, int) and isinstance(new, int):
+        return str(old), str(new)
+    texts = f"{old:.6g}", f"{new:.6g}"
+    return texts if texts[0] != texts[1] else (_short(old), _short(new))
 
 
 def _short(value: Any) -> str:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from dextera_build.cli import options, table
 from dextera_build.errors import UsageError, did_you_mean, listing
-from dextera_build.explain import compare, runs
+from dextera_build.explain import compare, runs, summary
 from dextera_build.explain.compare import Row, Side
 from dextera_build.project.workspace import workspace
 from dextera_build.recipe.addresses import parse_target
@@ -53,22 +53,28 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print one line per difference: [node,] kind, name, change; nothing if all is equal."""
+    """Print a sentence, then one line per difference: [node,] kind, name, change; nothing if all is equal."""
     project = options.project(args)
     store = reading(project)
     old, new = _pair(project, store, args.old, args.new)
     if isinstance(old, Side) and isinstance(new, Side):
-        return _print({"": compare.rows(store, old, new)}, (old.name, new.name), args)
+        return _print({"": compare.rows(store, old, new)}, (old.name, new.name), None, args)
     if isinstance(old, Side) or isinstance(new, Side):
         raise UsageError(
             "a run cannot be compared with a result",
             code="DXB-U164",
             hint="name two runs, or two results: `dxb diff 0141:NODE 0142:NODE`",
         )
-    return _print(compare.run_rows(store, old[1], new[1]), (old[0], new[0]), args)
+    total = len(compare.nodes(old[1]) | compare.nodes(new[1]))
+    return _print(compare.run_rows(store, old[1], new[1]), (old[0], new[0]), total, args)
 
 
-def _print(found: Mapping[str, Sequence[Row]], names: tuple[str, str], args: argparse.Namespace) -> int:
+def _print(
+    found: Mapping[str, Sequence[Row]], names: tuple[str, str], total: int | None, args: argparse.Namespace
+) -> int:
+    told, found = summary.sentence(found, total), summary.first_moved(found)
+    if told and not args.json:
+        print(told, file=sys.stderr)
     if args.picture is not None:
         _draw(found, names, args.picture)
     plain = [{"node": node, "rows": [row.to_json() for row in rows]} for node, rows in found.items() if rows]
@@ -77,7 +83,9 @@ def _print(found: Mapping[str, Sequence[Row]], names: tuple[str, str], args: arg
         for node, rows in found.items()
         for row in rows[:_MOST]
     ]
-    table.give({"old": names[0], "new": names[1], "differences": plain}, as_json=args.json, cells=cells)
+    table.give(
+        {"old": names[0], "new": names[1], "summary": told, "differences": plain}, as_json=args.json, cells=cells
+    )
     if args.json:
         return 0
     for node, rows in found.items():

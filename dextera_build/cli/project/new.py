@@ -1,4 +1,4 @@
-"""`dxb new`: a recipe, rule, backend, capture, robot or tasks to start from; the objects of a photograph; a board."""
+"""`dxb new`: a recipe, rule, backend, capture, robot, twin or tasks to start from; a photograph's objects; a board."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from dextera_build.cli import options
-from dextera_build.cli.project import new_backend, new_board, new_capture, new_robot, new_seen, new_task
+from dextera_build.cli.project import new_backend, new_board, new_capture, new_robot, new_seen, new_task, new_twin
 from dextera_build.errors import UsageError
 from dextera_build.project.project import Project
 
@@ -53,7 +53,13 @@ _NAMES = {
     "backend": (r"[a-z0-9_]+\.[a-z0-9_]+=[a-z0-9_]+", "factorize.my_rule=my_backend"),
 }
 """Kind -> the pattern of its names, and an example."""
-_MADE = {"board": new_board.run, "capture": new_capture.run, "robot": new_robot.run, "task": new_task.run}
+_MADE = {
+    "board": new_board.run,
+    "capture": new_capture.run,
+    "robot": new_robot.run,
+    "task": new_task.run,
+    "twin": new_twin.run,
+}
 """Kind -> writes its files."""
 
 
@@ -83,10 +89,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "-o",
         "--out",
         metavar="FILE",
-        help="of a scene (scene.yaml), a mask (masks/OBJECT.png), a board, a robot or tasks",
+        help="of a scene (scene.yaml), a mask (masks/OBJECT.png), a board, a robot, a twin or tasks",
     )
     new_board.arguments(parser)
     new_robot.arguments(parser)
+    new_twin.arguments(parser)
     options.project_arguments(parser)
     options.request_arguments(parser)
 
@@ -123,6 +130,8 @@ def _made_elsewhere(args: argparse.Namespace) -> Callable[[argparse.Namespace], 
         raise UsageError(
             f"a {args.kind} has no inertias", code="DXB-U217", hint="only `dxb new robot` takes `--repair-inertias`"
         )
+    if args.kind != "twin" and args.moved_camera:
+        raise UsageError(f"a {args.kind} has no camera that moved", code="DXB-U217", hint="`dxb new twin` takes it")
     if args.kind in _MADE:
         return _MADE[args.kind]
     if not args.name:

@@ -75,6 +75,11 @@ def compressed_image(stamp: int, frame: str, kind: str, data: bytes) -> bytes:
     return _header(stamp, frame).string(kind).u8s(data).bytes()
 
 
+def compressed_video(stamp: int, frame: str, kind: str, data: bytes) -> bytes:
+    """`foxglove_msgs/CompressedVideo` of one frame; `kind` is `h264`, in Annex B."""
+    return Cdr().i32(stamp // SECOND).u32(stamp % SECOND).string(frame).u8s(data).string(kind).bytes()
+
+
 def camera_info(stamp: int, frame: str, camera: Camera) -> bytes:
     """`sensor_msgs/CameraInfo` of a camera without distortion."""
     k = camera.matrix()

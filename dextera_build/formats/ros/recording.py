@@ -79,8 +79,8 @@ class Recording:
         self._writer.add_message(self._channels[topic], log_time=time, publish_time=time, data=message)
 
 
-def packed(pixels: np.ndarray, form: Literal["png", "jpeg"]) -> bytes:
-    """Encode a frame (H, W, 3) uint8 sRGB as PNG or JPEG."""
+def packed(pixels: np.ndarray, form: Literal["png", "jpeg"], quality: int = 92) -> bytes:
+    """Encode a frame (H, W, 3) uint8 sRGB as PNG or as JPEG of a quality from 1 to 100."""
     from PIL import Image
 
     buffer = io.BytesIO()
@@ -88,5 +88,5 @@ def packed(pixels: np.ndarray, form: Literal["png", "jpeg"]) -> bytes:
     if form == "png":
         picture.save(buffer, format="PNG", compress_level=3)
     else:
-        picture.save(buffer, format="JPEG", quality=92, subsampling=0)
+        picture.save(buffer, format="JPEG", quality=quality, subsampling=0)
     return buffer.getvalue()

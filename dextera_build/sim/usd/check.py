@@ -10,11 +10,11 @@ from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.scenes.scene_description import SceneDescription
 from dextera_build.sim.model import attached, inventory
 from dextera_build.sim.model.model import compile_folder
-from dextera_build.sim.usd import reader
+from dextera_build.sim.usd import packing, reader
 
 
 def problems(folder: Folder, scratch: Path) -> list[str]:
-    """`validator: message (prim)` for every error and warning of `scene.usda`; empty if valid.
+    """`validator: message (prim)` for every error and warning of a folder's stage; empty if valid.
 
     Args:
         folder: The stage and its files.
@@ -50,7 +50,7 @@ def opened(folder: Folder, scratch: Path) -> Any:
 
     place = scratch / "usd"
     folder.export(place, "scene")
-    return Usd.Stage.Open(str(place / "scene.usda"))
+    return Usd.Stage.Open(str(place / packing.main(folder)))
 
 
 def _sites(error: object) -> str:

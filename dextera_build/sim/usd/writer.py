@@ -2,6 +2,7 @@
 
     /World                      assembly
       PhysicsScene, Capture     gravity; the photograph's camera
+      Lights                    see `sim.usd.lights`
       background                component: Surface (visual), Boxes (colliders)
       <object>                  component, labelled with its name
         <link>                  rigid body with mass; Visual, Collision/piece_N (guide, convex hulls)
@@ -14,7 +15,7 @@ A held object is no rigid body if it is one piece; otherwise Joints/held fixes i
 A link's body is placed as in MJCF: at its joint's origin with the object's axes, moved by the positions of the home
 keyframe; joint angle 0 is `JointNode` position 0. UsdPhysics has no dry joint friction, so that it is written for PhysX
 (`sim.usd.physx`); the drive of such a joint is its viscous damping. The display name of a body or joint is its name in
-MJCF. Lights are left to the viewer, as textures have that of the photograph.
+MJCF.
 """
 
 from __future__ import annotations
@@ -42,6 +43,7 @@ from dextera_build.geometry import convex, transforms
 from dextera_build.geometry.cameras import GL_FROM_CV
 from dextera_build.sim.model import mjcf_contact, names
 from dextera_build.sim.usd import physx
+from dextera_build.sim.usd.lights import add_lights
 from dextera_build.sim.usd.prims import (
     add_camera,
     add_contact,
@@ -55,13 +57,18 @@ from dextera_build.sim.usd.prims import (
 )
 from dextera_build.sim.usd.robot import add_robot
 
+WHITE_NITS = 1500.0
+"""Luminance of white that suits the exposure of Isaac Sim's viewport: that of a dome of intensity 2000 and colour 0.75,
+as in Isaac Lab's tutorials [cd/m^2]."""
 
-def write(description: SceneDescription, held: Collection[str] = ()) -> Folder:
+
+def write(description: SceneDescription, held: Collection[str] = (), white_nits: float = WHITE_NITS) -> Folder:
     """Write `scene.usda` and `textures/*.png` of a scene; byte-identical for the same scene.
 
     Args:
         description: The scene.
         held: Names of objects with a fixed root.
+        white_nits: Luminance of a white level surface [cd/m^2]; 0: no lights.
 
     Raises:
         RuleError: A robot has a name that is taken, or a property that USD cannot represent.
@@ -80,6 +87,8 @@ def write(description: SceneDescription, held: Collection[str] = ()) -> Folder:
     physics.CreateGravityMagnitudeAttr(mjcf_contact.GRAVITY)
     for node in description.cameras:
         add_camera(stage, f"/World/{node.label.capitalize()}", node.camera, node.pose.matrix @ GL_FROM_CV)
+    if white_nits:
+        add_lights(stage, "/World/Lights", description.lights, white_nits, "/World/background")
     files: dict[str, bytes] = {}
     _static(stage, description.static, files)
     for thing in description.objects:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.scenes.scene_description import SceneDescription
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.usd import check as usd_check
-from dextera_build.sim.usd import writer
+from dextera_build.sim.usd import packing, writer
+
+if TYPE_CHECKING:
+    from .usd import UsdOptions
 
 BACKEND = Backend(
     summary="OpenUSD with UsdPhysics, validated",
@@ -16,9 +21,11 @@ BACKEND = Backend(
 )
 
 
-def write(ctx: Context, described: SceneDescription, held: tuple[str, ...], options: Options) -> Folder:
+def write(
+    ctx: Context, described: SceneDescription, held: tuple[str, ...], common: UsdOptions, options: Options
+) -> Folder:
     """The stage and its textures; see `dextera_build.sim.usd.writer`."""
-    return writer.write(described, held)
+    return packing.packed(writer.write(described, held, common.white_nits), common.form, ctx.scratch)
 
 
 def problems(

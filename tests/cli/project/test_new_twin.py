@@ -1,0 +1,45 @@
+"""`dxb new twin`: recipes for a photograph and for a moved camera."""
+
+from __future__ import annotations
+
+import shlex
+
+import pytest
+
+from tests.e2e.space import Space
+from tests.e2e.test_bad_captures import write_capture
+
+
+@pytest.fixture
+def project(tmp_path):
+    space = Space(tmp_path)
+    assert space.dxb("init", ".").code == 0
+    write_capture(tmp_path / "capture")
+    write_capture(tmp_path / "capture_now")
+    return space
+
+
+def test_a_moved_camera_is_planned_by_the_command_that_is_printed(project):
+    answer = project.dxb("new", "twin", "twin/desk")
+    assert (answer.code, answer.out) == (0, "recipes/twin/desk.yaml\n")
+    answer = project.dxb("new", "twin", "twin/desk", "--moved-camera")
+    assert (answer.code, answer.out) == (0, "recipes/twin/desk_again.yaml\n")
+    (command,) = (line.partition("dxb ")[2] for line in answer.err.splitlines() if "then:" in line)
+    assert command == "build twin/desk_again --input now=FOLDER"
+    words = shlex.split(command.replace("FOLDER", "capture_now").replace("build", "plan"))
+    planned = project.dxb(*words)
+    assert planned.code == 0, planned.err
+    rules = {line.split("\t")[2] for line in planned.out.splitlines()}
+    assert {"align.scene", "align.camera", "capture.pair", "align.track", "align.moved"} <= rules
+    assert project.dxb("new", "twin", "twin/desk", "--moved-camera").code == 2
+
+
+def test_what_is_no_twin_is_refused(project):
+    for words, code in (
+        (["twin", "robot/panda", "--moved-camera"], "DXB-U214"),
+        (["twin", "twin/nothing", "--moved-camera"], "DXB-U214"),
+        (["twin", "desk"], "DXB-U192"),
+        (["recipe", "twin/a", "--moved-camera"], "DXB-U217"),
+    ):
+        answer = project.dxb("new", *words)
+        assert (answer.code, f"error[{code}]" in answer.err) == (2, True), answer.err
