@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def write(folder: Path, pages: Mapping[str, str]) -> None:
-    """Make `folder` hold these pages and no other; files that stay the same are not touched, so they are not read again.
+    """Make `folder` hold these pages and no other; equal files stay, so they are not read again.
 
     Args:
         folder: Below the docs.
