@@ -208,3 +208,14 @@ def test_the_quickstart_names_every_extra():
     table = (DOCS / "quickstart.md").read_text().partition("| extra | adds |")[2].partition("\n\n")[0]
     named = re.findall(r"^\| `([a-z]+)` \|", table, re.MULTILINE)
     assert sorted(named) == sorted(extras)
+
+
+def test_the_readme_states_the_number_of_tests_by_a_bound_that_holds():
+    """Tests are added every day, so the page says how many there are at least; a bound of half of them says little."""
+    stated = re.search(r"every test, more than ([\d,]+)", (REPO / "README.md").read_text())
+    written = sum(
+        len(re.findall(r"^ *(?:async )?def test_", file.read_text(), re.MULTILINE))
+        for file in (REPO / "tests").rglob("test_*.py")
+    )
+    assert stated
+    assert written / 2 < int(stated[1].replace(",", "")) < written

@@ -20,7 +20,7 @@ from tests import factories
 from tests.teleop.chromium import Screen, chromium
 
 LABEL = "[...document.querySelectorAll('#dxb label')].find((e) => e.textContent.includes({title!r}))"
-LOADED = "window.__viserMutable?.nodeRefFromName['/lap/lid/visual'] && document.querySelector('#dxb')"
+LOADED = "!!(window.__viserMutable?.nodeRefFromName['/lap/lid/visual'] && document.querySelector('#dxb'))"
 
 
 def written(folder: Path) -> Path:
@@ -98,7 +98,7 @@ def test_a_photograph_is_shown_in_its_own_colours(tmp_path: Path) -> None:
         async def use() -> list[int]:
             async with chromium(tmp_path, Screen(700, 500)) as browser:
                 await browser.go(url)
-                await browser.until("window.__viserMutable && window.__viserMutable.nodeRefFromName['/wall']", 120)
+                await browser.until("!!window.__viserMutable?.nodeRefFromName['/wall']", 120)
                 await browser.until(_PLAIN, 60)
                 await asyncio.sleep(1.5)
                 middle: list[int] = await browser.run(_MIDDLE)
@@ -157,7 +157,7 @@ _PLAIN = """(() => {
   window.__viserMutable.scene.traverse((part) => {
     done ||= part.material && part.material.emissiveMap && !part.material.toneMapped;
   });
-  return done;
+  return !!done;
 })()"""
 _MIDDLE = """(() => {
   const canvas = window.__viserMutable.canvas, copy = document.createElement('canvas');

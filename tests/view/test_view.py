@@ -19,7 +19,7 @@ from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.artifacts.spatial.point_cloud import PointCloud
 from dextera_build.errors import UsageError
 from dextera_build.geometry import kinematics, quaternions
-from dextera_build.view import invented, save, scene, server
+from dextera_build.view import framing, invented, save, scene, server
 from dextera_build.view.replay import ReplayView
 from dextera_build.view.show import show
 from dextera_build.view.task import TaskView
@@ -262,6 +262,44 @@ def test_every_shape_is_shown_under_its_name(artifact: Any) -> None:
     show(artifact, recorder, "/thing")
     assert recorder.nodes
     assert all(name.startswith("/thing") for name in recorder.nodes)
+
+
+@pytest.mark.parametrize(
+    "artifact",
+    [
+        factories.box_asset(factories.pose(3.0)),
+        factories.laptop_asset().body,
+        factories.background(),
+        factories.box_mesh((5, 5, 5), (6, 6, 6)),
+        Collection[Mesh](items={"a": factories.box_mesh((0, 0, 0), (1, 1, 1))}),
+    ],
+    ids=lambda artifact: artifact.name(),
+)
+def test_the_view_of_one_artifact_holds_it(artifact: Any) -> None:
+    recorder = Recorder()
+    framing.look_at(recorder, artifact)
+    start, points = recorder.initial_camera, framing.spread(artifact)
+    ahead = np.array(start.look_at) - start.position
+    ahead /= np.linalg.norm(ahead)
+    off = points - start.position
+    angles = np.arccos((off @ ahead) / np.linalg.norm(off, axis=1))
+    assert np.degrees(angles).max() < 75 / 2  # viser's own field of view
+    assert np.degrees(angles).max() > 10  # nor is it a speck
+
+
+def test_the_view_of_gaussians_holds_most_of_them_however_far_single_ones_are() -> None:
+    made = factories.splats(400)
+    means = np.random.default_rng(0).uniform(-1, 1, (400, 3)).astype(np.float32)
+    means[:3] = 500.0
+    opacities = np.full(400, 0.9, np.float32)
+    opacities[3:6], means[3:6] = 0.01, -300.0
+    recorder = Recorder()
+    framing.look_at(recorder, made.model_copy(update={"means": means, "opacities": opacities}))
+    assert np.abs(recorder.initial_camera.look_at).max() < 0.2
+    assert np.linalg.norm(recorder.initial_camera.position) < 6
+    nothing = Recorder()
+    framing.look_at(nothing, PointCloud(points=np.zeros((0, 3), np.float32)))
+    assert not hasattr(nothing.initial_camera, "position")
 
 
 def test_what_has_no_shape_says_what_has(shown: Recorder) -> None:
