@@ -94,7 +94,7 @@
 
   const panel = () => {
     const style = element("style", {}, `
-      #dxb { position: fixed; top: 12px; left: 12px; z-index: 2; width: 15rem; max-width: calc(100vw - 84px);
+      #dxb { position: fixed; top: 64px; right: 16px; z-index: 2; width: 15rem; max-width: calc(100vw - 84px);
         max-height: calc(100vh - 84px); overflow-y: auto; padding: 8px 12px; border-radius: 8px; background: rgb(255 255 255 / 0.94);
         color: #1b1e23; box-shadow: 0 1px 12px rgb(0 0 0 / 0.18); font: 14px/1.5 system-ui, sans-serif; }
       #dxb summary { cursor: pointer; font-weight: 600; }
