@@ -102,8 +102,10 @@ bench-policies: setup $(VENV)/readers/robomimic/.installed $(VENV)/readers/lerob
 	$(BIN)/python -m tests.benchmarks.policies $(ARGS)
 	$(BIN)/python -m tests.benchmarks.policies.lerobot $(ARGS)
 
+# From a copy, because some pages are made from rules and examples.
 docs: setup ## Build the docs pages into site/
-	$(BIN)/python -m sphinx -W --keep-going -q -b html dextera_build/docs site
+	@rm -rf build/docs && mkdir -p build && cp -pR dextera_build/docs build/docs
+	$(BIN)/python -m sphinx -W --keep-going -q -b html build/docs site
 	@echo "docs: site/index.html"
 
 lock: setup ## Write the lock from the versions that .venv holds now

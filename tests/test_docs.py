@@ -110,11 +110,70 @@ def test_the_reference_has_every_verb(reference):
     assert [verb for verb in grammar.VERBS if f"## dxb {verb}\n" not in page] == []
 
 
-def test_the_reference_has_every_rule_and_option(reference):
-    page = reference.MAKERS["rules"]()
+def test_every_rule_has_a_page_of_its_own_with_every_option(reference):
+    overview, pages = reference.MAKERS["rules"](), reference.rules.pages()
     for found in Library().rules():
-        assert f"### {found.path}\n" in page
+        assert f"]({reference.rules.FOLDER}/{found.path}.md)" in overview
+        page = pages.pop(found.path)
+        assert page.startswith(f"# {found.path}\n")
+        assert page.count("\n# ") == 0
         assert [option for option in found.rule.options.model_fields if f"`{option}`" not in page] == []
+    assert pages == {}
+
+
+def test_made_pages_replace_those_of_before_and_leave_equal_ones_alone(reference, tmp_path):
+    folder = tmp_path / "rules"
+    reference.made.write(folder, {"a": "1", "b": "2"})
+    os.utime(folder / "a.md", (1, 1))
+    reference.made.write(folder, {"a": "1", "c": "3"})
+    assert {file.name: file.read_text() for file in folder.iterdir()} == {"a.md": "1", "c.md": "3"}
+    assert (folder / "a.md").stat().st_mtime == 1
+
+
+def test_every_example_is_on_the_site_and_its_links_lead_somewhere(reference):
+    pages = reference.examples.pages()
+    assert set(pages) == {page.parent.name for page in EXAMPLES}
+    for text in pages.values():
+        links = [link for link in re.findall(r"\]\(([^)#\s]+)", text) if "://" not in link]
+        assert [link for link in links if not (DOCS / "examples" / link).resolve().is_file()] == []
+    front = (DOCS / "index.md").read_text()
+    assert [name for name in pages if f"\nexamples/{name}\n" not in front] == []
+    with pytest.raises(ValueError, match="not on the site"):
+        reference.examples.moved("[a](../other/README.md)")
+
+
+def test_links_to_examples_lead_to_their_pages(reference):
+    text = "[a](../../examples/01_first_twin/README.md#the-twin)"
+    assert reference.examples.linked(text, "index") == "[a](examples/01_first_twin.md#the-twin)"
+    assert reference.examples.linked(f"[a](../{text[4:]}", "benchmarks/twin") == (
+        "[a](../examples/01_first_twin.md#the-twin)"
+    )
+
+
+def test_the_gallery_shows_what_commands_build(reference, parser):
+    recipes = {file.relative_to(REPO / "recipes").with_suffix("").as_posix() for file in REPO.glob("recipes/**/*.yaml")}
+    for shown in reference.gallery.SHOWN:
+        assert shown.recipe in recipes
+        assert (DOCS / "images" / shown.picture).is_file()
+        assert (DOCS / shown.page).is_file()
+        assert parser.parse_args(shlex.split(reference.gallery.command(shown))[1:]).targets == [shown.recipe]
+    page = reference.MAKERS["gallery"]()
+    assert [shown for shown in reference.gallery.SHOWN if f"images/{shown.picture}" not in page] == []
+
+
+def test_the_front_page_leads_to_every_page():
+    """Every page stands in a table of contents, and the front page shows pictures and three ways in."""
+    front = (DOCS / "index.md").read_text()
+    listed = {line for block in re.findall(r"```{toctree}\n(.*?)```", front, re.DOTALL) for line in block.split("\n")}
+    assert {page.stem for page in DOCS.glob("*.md")} - {"index"} - listed == set()
+    assert len(re.findall(r"^- \[!\[[^]]+\]\(images/", front, re.MULTILINE)) == 3
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_pages_name_no_rows_of_the_plan(page):
+    """`B7` and the like number steps of the project's own plan; D65, E76 and F1 are terms."""
+    prose = re.sub(r"```.*?```|`[^`]*`|\$[^$]*\$", "", page.read_text(), flags=re.DOTALL)
+    assert set(re.findall(r"(?<![\w-])[A-H]\d{1,2}(?![\w-])", prose)) <= {"D65", "E76", "F1"}
 
 
 def test_the_reference_has_every_error(reference):
@@ -149,3 +208,14 @@ def test_the_quickstart_names_every_extra():
     table = (DOCS / "quickstart.md").read_text().partition("| extra | adds |")[2].partition("\n\n")[0]
     named = re.findall(r"^\| `([a-z]+)` \|", table, re.MULTILINE)
     assert sorted(named) == sorted(extras)
+
+
+def test_the_readme_states_the_number_of_tests_by_a_bound_that_holds():
+    """Tests are added every day, so the page says how many there are at least; a bound of half of them says little."""
+    stated = re.search(r"every test, more than ([\d,]+)", (REPO / "README.md").read_text())
+    written = sum(
+        len(re.findall(r"^ *(?:async )?def test_", file.read_text(), re.MULTILINE))
+        for file in (REPO / "tests").rglob("test_*.py")
+    )
+    assert stated
+    assert written / 2 < int(stated[1].replace(",", "")) < written

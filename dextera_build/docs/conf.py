@@ -18,7 +18,7 @@ version = release
 
 extensions = ["myst_parser", "dxb_reference"]
 exclude_patterns = ["_ext", "_build"]
-myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
+myst_enable_extensions = ["attrs_block", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 suppress_warnings: list[str] = []
 

@@ -8,7 +8,7 @@ from dextera_build.errors import RecipeError
 from dextera_build.recipe.expect import STAND_INS, Expectation, Verdict, judge
 from dextera_build.report.html import Html, tag
 from dextera_build.report.run import Run
-from dextera_build.report.wording import number
+from dextera_build.report.wording import quantity
 
 _COLUMNS = ("metric", "value", "interval", "bound", "verdict")
 
@@ -40,8 +40,8 @@ def _rows(run: Run, each: Expectation) -> Iterator[list[Html]]:
 def _cells(run: Run, each: Verdict) -> list[Html]:
     index = run.by_address()[each.node].index
     name = tag("a", {"href": f"#n{index}", "data-node": index}, f"{each.node}.{each.metric}")
-    value = "–" if each.value is None else f"{number(each.value)} {each.unit}".strip()
-    between = " to ".join(map(number, each.interval)) if each.interval else "–"
+    value = "–" if each.value is None else quantity(each.value, each.unit)
+    between = " to ".join(quantity(edge, each.unit) for edge in each.interval) if each.interval else "–"
     cells = [tag("td", None, text) for text in (name, value, between, each.expected.bound)]
     return [*cells, _mark(None if each.value is None else each.ok)]
 

@@ -10,6 +10,7 @@ from typing import Any
 from dextera_build import digest
 from dextera_build.recipe.expect import Expectation
 from dextera_build.report import bounds, flow, objects, provenance, result, tasks, timeline
+from dextera_build.report.compared import compared
 from dextera_build.report.details import details
 from dextera_build.report.document import document
 from dextera_build.report.films import Films
@@ -32,6 +33,8 @@ def build(
     *,
     licences: Mapping[str, str] | None = None,
     expected: Mapping[str, Expectation] | None = None,
+    view: str = "",
+    against: Iterable[Event | Mapping[str, Any]] | None = None,
 ) -> Path:
     """Write the report of a run to `out` atomically, and return `out`.
 
@@ -41,13 +44,18 @@ def build(
         out: The HTML file.
         licences: `rule:backend` or distribution -> licence, if known to the caller.
         expected: The bounds that the recipe states.
+        view: Link to a page that shows the result in 3D.
+        against: Events of a run to compare with.
     """
     run = read(events, store)
     extra = _adopt_images(run, store)
+    before = None if against is None else read(against, store)
+    if before is not None:
+        extra = _adopt_images(before, extra)
     text, films, held = "", Films(store), bounds.table(run, expected or {})
     # Films go first, then pictures become coarser.
     for quality, shown in [(LADDER[0], films), *((quality, None) for quality in LADDER)]:
-        text = page(run, Pictures(extra, quality), licences or {}, shown, held)
+        text = page(run, Pictures(extra, quality), licences or {}, shown, held, view=view, before=before)
         if len(text.encode()) <= LIMIT:
             break
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -58,19 +66,32 @@ def build(
 
 
 def page(
-    run: Run, pictures: Pictures, licences: Mapping[str, str], films: Films | None = None, held: Html | None = None
+    run: Run,
+    pictures: Pictures,
+    licences: Mapping[str, str],
+    films: Films | None = None,
+    held: Html | None = None,
+    *,
+    view: str = "",
+    before: Run | None = None,
 ) -> str:
     """The whole document; without `films`, there are pictures instead; `held` is the table of bounds."""
     image, shown = result.hero(run, pictures)
+    shown_first = tag("div", None, image, result.closer(view)) if image or view else None
     strip = result.strip(run, pictures, shown)
-    cards = objects.cards(run, pictures)
     numbers, gallery = tables(run), tasks.cards(run, pictures, films)
     parts: list[tuple[str, str, list[Html | None]]] = [
-        ("result", "Result", [tag("div", {"class": "result"}, image, result.outcome(run)), strip]),
+        ("result", "Result", [tag("div", {"class": "result"}, shown_first, result.outcome(run)), strip]),
+        (
+            "compared",
+            f"Beside run {before.name}" if before else "",
+            [*compared(run, before, pictures)] if before else [],
+        ),
         ("bounds", "Bounds", [held] if held else []),
         ("tasks", "Tasks", [tag("div", {"class": "gallery"}, gallery)] if gallery else []),
-        ("objects", "Objects", [tag("div", {"class": "cards"}, cards)] if cards else []),
+        ("objects", "Objects", _cards(objects.cards(run, pictures, objects=True))),
         ("numbers", "Numbers", [*numbers]),
+        ("groups", "Groups", _cards(objects.cards(run, pictures, objects=False))),
         ("graph", "Graph", [flow.graph(run)]),
         ("timeline", "Timeline", [timeline.timeline(run)]),
         ("nodes", "Nodes", [details(run, pictures, films)]),
@@ -82,6 +103,10 @@ def page(
     sections = [section(name, words, *inner) for name, words, inner in parts]
     body = tag("main", None, result.title(run), menu, result.failures(run), sections)
     return document(f"{run.recipe} · run {run.name}", body, _overlays())
+
+
+def _cards(cards: list[Html]) -> list[Html | None]:
+    return [tag("div", {"class": "cards"}, cards)] if cards else []
 
 
 def _overlays() -> Html:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from dextera_build.report.films import Films
+from dextera_build.report.films import Films, player
 from dextera_build.report.html import Child, Html, tag
 from dextera_build.report.pictures import Pictures
 from dextera_build.report.pieces import failure, link, metrics, state, took
@@ -128,9 +128,7 @@ def _film(node: Node, films: Films | None) -> Html | None:
     source = films.mp4(node.fields) if films is not None and node.artifact == "Video" else ""
     if not source:
         return None
-    about = f"film of {node.address}"
-    video = tag("video", {"src": source, "controls": True, "loop": True, "muted": True, "aria-label": about})
-    return tag("figure", {"class": "film"}, video)
+    return tag("figure", {"class": "film"}, player(source, f"film of {node.address}"))
 
 
 def _rows(title: str, rows: list[tuple[str, Child]]) -> Html | None:

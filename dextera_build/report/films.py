@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dextera_build.errors import DxbError
+from dextera_build.report.html import Html, tag
 from dextera_build.report.sources import Store, blob, header
 
 QP = 26
@@ -51,6 +52,19 @@ class Films:
         digest, size = (stored.get("data") or {}).get("$bytes", ("", 0))
         data = blob(self._store, digest) if 0 < size <= MOST_BYTES else None
         return _uri(data) if data is not None and data[4:8] == b"ftyp" else ""
+
+
+def player(source: str, about: str, width: int = 0) -> Html:
+    """A film that plays by itself, without sound, over and over.
+
+    Args:
+        source: Data URI.
+        about: What it shows.
+        width: Of its frames [px], of which it is shown at most twice as wide; 0: as wide as there is room.
+    """
+    held = {"style": f"max-width:{2 * width}px"} if width else {}
+    plays = {"controls": True, "autoplay": True, "loop": True, "muted": True, "playsinline": True}
+    return tag("video", {"src": source, **plays, "aria-label": about, **held})
 
 
 def _encoded(packed: bytes, width: int, height: int, rate_hz: float) -> str:

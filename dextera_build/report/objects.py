@@ -10,6 +10,8 @@ from dextera_build.report.run import Node, Run
 
 _MESHES = ("Asset", "Body", "Shape", "Mesh")  # artifacts whose preview represents the object, best first
 
+_OBJECTS = (*_MESHES, "Instance", "ObjectView")
+
 _MOST = 200  # cards; those with a failure first
 
 
@@ -29,13 +31,31 @@ def portrait(nodes: list[Node]) -> tuple[Node, str, str] | None:
     for kind in _MESHES:
         for node in reversed(shown):
             if node.artifact == kind:
-                return (node, *node.previews[-1])
-    return (shown[-1], *shown[-1].previews[-1]) if shown else None
+                return (node, *foremost(node))
+    return (shown[-1], *foremost(shown[-1])) if shown else None
 
 
-def cards(run: Run, pictures: Pictures) -> list[Html]:
-    """The cards, in the order in which the groups found their objects."""
-    found = list(copies(run).items())
+def foremost(node: Node) -> tuple[str, str]:
+    """The preview that represents a node: the last one that shows no failed attempt."""
+    told = [preview for preview in node.previews if not preview[0].startswith("failed")]
+    return (told or node.previews)[-1]
+
+
+def groups(run: Run) -> set[str]:
+    """The groups whose copies are objects: some node of them made a surface, or what the photograph shows of one."""
+    return {group for (group, _), nodes in copies(run).items() if any(node.artifact in _OBJECTS for node in nodes)}
+
+
+def cards(run: Run, pictures: Pictures, *, objects: bool) -> list[Html]:
+    """The cards, in the order in which the groups found their copies.
+
+    Args:
+        run: The run.
+        pictures: Pictures of the store.
+        objects: Whether those of objects; else those of other groups, shards of a data set for example.
+    """
+    known = groups(run)
+    found = [(place, nodes) for place, nodes in copies(run).items() if (place[0] in known) == objects]
     shown = (
         sorted(found, key=lambda item: not any(node.error for node in item[1]))[:_MOST] if len(found) > _MOST else found
     )

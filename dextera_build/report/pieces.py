@@ -8,7 +8,7 @@ from typing import Any
 
 from dextera_build.report.html import Child, Html, tag
 from dextera_build.report.run import Node
-from dextera_build.report.wording import MARKS, duration, number
+from dextera_build.report.wording import MARKS, duration, quantity
 
 _LITERAL = re.compile(r"`([^`]+)`")
 
@@ -44,7 +44,7 @@ def metrics(found: Mapping[str, tuple[float, str]]) -> Html | None:
     if not found:
         return None
     pairs = [
-        tag("div", None, tag("dt", None, name.replace("_", " ")), tag("dd", None, _value(value, unit)))
+        tag("div", None, tag("dt", None, name.replace("_", " ")), tag("dd", None, quantity(value, unit)))
         for name, (value, unit) in found.items()
     ]
     return tag("dl", {"class": "metrics"}, pairs)
@@ -76,7 +76,3 @@ def failure(error: Mapping[str, Any]) -> Html:
         tag("dl", {"class": "facts"}, listed) if listed else None,
         tag("p", None, tag("b", None, "hint: "), prose(str(hint))) if hint else None,
     )
-
-
-def _value(value: float, unit: str) -> str:
-    return f"{number(value)} {unit}".rstrip()

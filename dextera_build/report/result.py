@@ -6,7 +6,7 @@ import time
 
 from dextera_build.report.html import Html, tag
 from dextera_build.report.layout import topological
-from dextera_build.report.objects import copies, portrait
+from dextera_build.report.objects import copies, foremost, portrait
 from dextera_build.report.pictures import Pictures
 from dextera_build.report.pieces import failure, link, metrics, state
 from dextera_build.report.run import Node, Run
@@ -14,6 +14,7 @@ from dextera_build.report.tables import passed
 from dextera_build.report.wording import STUB, count, duration, parted, some, states, stubs
 
 _MOST = 3  # pictures of one node in the strip
+_LISTED = 6  # lines next to the picture; the others are folded
 
 
 def title(run: Run) -> Html:
@@ -81,6 +82,11 @@ def hero(run: Run, pictures: Pictures) -> tuple[Html | None, str]:
     return (figure, digest) if figure else (None, "")
 
 
+def closer(view: str) -> Html | None:
+    """A link to the page in which the result can be turned; nothing without one."""
+    return tag("p", {"class": "closer"}, tag("a", {"href": view}, "Open it in 3D")) if view else None
+
+
 def outcome(run: Run) -> Html:
     """Lines of the nodes outside groups, latest results first, with their numbers and checks."""
     rows = []
@@ -99,7 +105,13 @@ def outcome(run: Run) -> Html:
                 metrics(node.metrics),
             )
         )
-    return tag("ol", {"class": "outcome"}, rows)
+    first = tag("ol", {"class": "outcome"}, rows[:_LISTED])
+    if len(rows) <= _LISTED:
+        return first
+    words = tag("summary", None, count(len(rows) - _LISTED, "earlier step"))
+    return tag(
+        "div", None, first, tag("details", {"class": "more"}, words, tag("ol", {"class": "outcome"}, rows[_LISTED:]))
+    )
 
 
 def strip(run: Run, pictures: Pictures, without: str) -> Html | None:
@@ -128,4 +140,4 @@ def _hero(run: Run) -> tuple[Node, str, str] | None:
     images.sort(key=lambda n: (n.address in run.targets, n.address not in needed, n.ended))
     shown = images or [n for n in topological(run.nodes) if n.previews and not n.labels]
     shown = shown or [n for n in topological(run.nodes) if n.previews]
-    return (shown[-1], *shown[-1].previews[-1]) if shown else None
+    return (shown[-1], *foremost(shown[-1])) if shown else None

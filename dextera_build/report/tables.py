@@ -7,7 +7,7 @@ from typing import Any
 from dextera_build.report.html import Child, Html, tag
 from dextera_build.report.run import Node, Run
 from dextera_build.report.sources import plain
-from dextera_build.report.wording import number
+from dextera_build.report.wording import number, percent
 
 _ARROWS = {"higher": ("↑", "higher is better"), "lower": ("↓", "lower is better")}
 _UNITS = {"m": "m", "rad": "rad", "kg": "kg", "s": "s", "j": "J", "n": "N", "px": "px"}
@@ -97,10 +97,16 @@ def _cell(value: Any, column: dict[str, Any], right: bool) -> Html:
         return tag("td", {"class": "yes" if value else "no"}, "✓ yes" if value else "✗ no")
     if isinstance(value, float):
         digits = column.get("digits")
-        return tag("td", {"class": kind}, f"{value:,.{digits}f}" if isinstance(digits, int) else number(value))
+        return tag("td", {"class": kind}, _written(value, str(column.get("unit", "")), digits))
     if isinstance(value, int):
         return tag("td", {"class": kind}, f"{value:,}")
     return tag("td", {"class": kind}, str(value))
+
+
+def _written(value: float, unit: str, digits: Any) -> str:
+    if isinstance(digits, int):
+        return f"{value:,.{digits}f}"
+    return percent(value) if unit.startswith("%") else number(value)
 
 
 def _column(key: str) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from dextera_build.report.films import Films
+from dextera_build.report.films import Films, player
 from dextera_build.report.html import Html, tag
 from dextera_build.report.pictures import Pictures
 from dextera_build.report.pieces import link
@@ -75,7 +75,7 @@ def _film(node: Node, films: Films | None, rate_hz: float) -> Html | None:
     if not source:
         return None
     about = f"film of episode {index} of {node.address}"
-    video = tag("video", {"src": source, "controls": True, "loop": True, "muted": True, "aria-label": about})
+    video = player(source, about, int(node.fields.get("width", 0)))
     words = tag("figcaption", None, tag("b", None, node.name), f" episode {index}")
     return tag("figure", {"class": "shot film"}, video, words)
 

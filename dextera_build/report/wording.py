@@ -33,6 +33,12 @@ def stubs(made: int, of: int) -> str:
     return f"stub backends made {made:,} of {count(of, 'result')}" if made else ""
 
 
+_SMALLER = {"m": (1000, "mm"), "mm": (1000, "µm"), "kg": (1000, "g"), "s": (1000, "ms")}
+"""Unit -> how many of the next smaller one it has, and that one."""
+_POWERS = {"m2": "m²", "m3": "m³", "cm2": "cm²", "cm3": "cm³", "mm2": "mm²", "mm3": "mm³"}
+_LEAST_PERCENT = 0.01
+
+
 def duration(seconds: float) -> str:
     """Seconds as text: `0.31 s`, `34.2 s`, `1 min 10 s`, `21 min`, `2 h 05 min`."""
     if seconds < 0.995:
@@ -90,6 +96,28 @@ def number(value: float) -> str:
         digits = max(0, 3 - _magnitude(value))
         return f"{value:,.{digits}f}".rstrip("0").rstrip(".") if digits else f"{value:,.0f}"
     return f"{value:.3g}"
+
+
+def quantity(value: float, unit: str) -> str:
+    """A measured number with its unit, as people write it: `12.9 dB`, `0.45 mm`, `< 0.01 %`, `246 B`.
+
+    Small lengths, masses and times take the next smaller unit, megabytes the one that fits, and percentages end at
+    hundredths.
+    """
+    if unit == "MB":
+        return size(round(1e6 * value))
+    if unit.startswith("%"):
+        return f"{percent(value)} {unit}"
+    while unit in _SMALLER and 0 < abs(value) < 0.1:
+        value, unit = value * _SMALLER[unit][0], _SMALLER[unit][1]
+    return f"{number(value)} {_POWERS.get(unit, unit)}".rstrip()
+
+
+def percent(value: float) -> str:
+    """The number of a percentage, to hundredths; of one that would be 0 without being it, that it is less."""
+    if 0 < abs(value) < _LEAST_PERCENT:
+        return f"< {_LEAST_PERCENT}"
+    return number(round(value, 2))
 
 
 def _magnitude(value: float) -> int:

@@ -35,9 +35,8 @@ class Fact:
     """Whether the picture's border cuts the object."""
 
     def short(self, name: str) -> str:
-        """One line: name, mass, material and friction."""
-        words = [name, mass(self.mass_kg), self.material, "" if self.friction is None else f"µ {self.friction:.2f}"]
-        words.append("held" if self.held else "")
+        """One line: name and mass, and whether it is held."""
+        words = [name, mass(self.mass_kg), "held" if self.held else ""]
         return " · ".join(word for word in words if word)
 
     def long(self, name: str) -> str:
@@ -178,8 +177,8 @@ def textured(vertices: np.ndarray, faces: np.ndarray, uv: np.ndarray, texture: n
 
 
 def add_label(server: Any, name: str, text: str, place: tuple[float, ...]) -> Any:
-    """A text above a place (3,) [m], small enough for several objects on one table."""
-    return server.scene.add_label(name, text, position=place, anchor="bottom-center", font_screen_scale=0.7)
+    """A text above a place (3,) [m], 13 px high."""
+    return server.scene.add_label(name, text, position=place, anchor="bottom-center", font_screen_scale=13 / 12)
 
 
 def mass(kilograms: float) -> str:

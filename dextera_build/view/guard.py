@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import gzip
 import http
 import socket
 import sys
@@ -18,6 +19,7 @@ from urllib.parse import urlsplit
 
 from dextera_build.errors import UsageError
 from dextera_build.remotes.remote import is_named
+from dextera_build.view import panel
 
 
 class Guard:
@@ -50,7 +52,7 @@ class Guard:
         """Handle a request before `follow`, the server's own handler: a response if it is refused."""
         refused = self.refusal(request.headers.get("Host"), request.headers.get("Origin"))
         if not refused:
-            return None if follow is None else follow(connection, request)
+            return None if follow is None else _dressed(follow(connection, request))
         if refused not in self._told and len(self._told) < 20:
             self._told.add(refused)
             print(f"refused: {refused}", file=sys.stderr)
@@ -72,6 +74,20 @@ class Guard:
             yield
         finally:
             server.serve = serve  # type: ignore[misc]
+
+
+def _dressed(response: Any) -> Any:
+    """A response of viser with our script, if it is the page."""
+    if response is None or not response.headers.get("Content-Type", "").startswith("text/html"):
+        return response
+    packed = response.headers.get("Content-Encoding") == "gzip"
+    page = (gzip.decompress(response.body) if packed else response.body).decode()
+    body = panel.inserted(page, panel.script()).encode()
+    response.body = gzip.compress(body) if packed else body
+    if "Content-Length" in response.headers:
+        del response.headers["Content-Length"]
+        response.headers["Content-Length"] = str(len(response.body))
+    return response
 
 
 def _origin(text: str) -> str:

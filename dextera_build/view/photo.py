@@ -8,6 +8,7 @@ import numpy as np
 
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.geometry import quaternions, transforms
+from dextera_build.view.panel import note_wipe
 
 DEPTH_M = 0.05
 """Distance of the photograph from the camera: nearer than anything that it shows [m]."""
@@ -42,14 +43,26 @@ class Comparison:
             position=self._middle(camera.width),
             cast_shadow=False,
             receive_shadow=False,
+            visible=False,
         )
+        note_wipe(server, "Photograph [%]", name)
         with server.gui.add_folder("Photograph and twin"):
-            self._share = server.gui.add_slider("Photograph [%]", min=0, max=100, step=1, initial_value=100)
+            self._share = server.gui.add_slider("Photograph [%]", min=0, max=100, step=1, initial_value=0)
             self._way = server.gui.add_dropdown("By", WAYS, initial_value=WAYS[0])
             look = server.gui.add_button("Look from the camera")
         self._share.on_update(lambda _: self.update())
         self._way.on_update(lambda _: self.update())
         look.on_click(lambda event: self.look(event.client))
+        self._begin()
+
+    def _begin(self) -> None:
+        """Open every view at the photograph's camera; how wide the window is, is known once it is there."""
+        start = self._server.initial_camera
+        start.position = tuple(self._pose[:3, 3].tolist())
+        start.up = tuple((-self._pose[:3, 1]).tolist())
+        start.look_at = tuple((self._pose[:3, 3] + self._pose[:3, 2]).tolist())
+        start.fov = float(MARGIN * 2 * np.arctan2(self._camera.height / 2, self._camera.fy))
+        self._server.on_client_connect(self.look)
 
     def update(self) -> None:
         """Apply the values of the controls."""

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from dextera_build.errors import UsageError
+from dextera_build.view import panel
 
 SUFFIXES = (".html", ".viser")
 """`.html` is the recording with viser's player in it, and needs nothing but a browser."""
@@ -37,11 +38,18 @@ def write(server: Any, path: Path, steps: Iterable[float] = ()) -> Path:
     """
     check(path)
     recorder = server.get_scene_serializer()
+    moves = False
     for seconds in steps:
         recorder.insert_sleep(seconds)
+        moves = True
     path.parent.mkdir(parents=True, exist_ok=True)
-    data = recorder.as_html().encode() if path.suffix == ".html" else recorder.serialize()
+    data = _page(server, recorder, moves=moves) if path.suffix == ".html" else recorder.serialize()
     draft = path.with_name(f".{path.name}.part")
     draft.write_bytes(data)
     draft.replace(path)
     return path
+
+
+def _page(server: Any, recorder: Any, *, moves: bool) -> bytes:
+    """The page of a recording, with the panel of the viewer's controls."""
+    return panel.inserted(recorder.as_html(), panel.script(server, moves=moves)).encode()

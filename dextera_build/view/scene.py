@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -12,14 +12,19 @@ from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.image import Image
 from dextera_build.artifacts.objects.object import Asset, Joint, Support
 from dextera_build.artifacts.scenes.scene import Background
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import kinematics, quaternions, transforms
-from dextera_build.view.figure import ABOVE_M, Fact, add_label
+from dextera_build.view import invented
+from dextera_build.view.figure import ABOVE_M, Fact, add_label, look_from
+from dextera_build.view.panel import note_slider
 from dextera_build.view.photo import Comparison
 from dextera_build.view.show import PIECE_COLOURS, add_camera, add_frame, add_piece, show
 from dextera_build.view.switches import switch
 
-SWING_RAD = 0.6
-"""Initial rotation of the viewpoint from the photograph's camera, about the vertical [rad]."""
+STEPS = 40
+"""Steps of a joint's slider in a saved page."""
+Nodes: TypeAlias = dict[str, tuple[Mesh, np.ndarray]]
+"""Scene node -> its mesh, and T_world_node (4, 4)."""
 
 
 def show_scene(
@@ -47,33 +52,44 @@ def show_scene(
         held: Label of an object that is fixed in the simulated scene -> why; None: all move freely.
         bind: Gives the object of a label a name, and returns a message about it; None: names cannot be given.
     """
-    add_frame(server, "/world", np.eye(4), axes=0.1)
-    server.scene.add_grid("/grid", width=2.0, height=2.0, cell_size=0.1, section_size=0.5, position=(0.0, 0.0, -0.002))
+    axes = add_frame(server, "/world", np.eye(4), axes=0.1)
+    grid = server.scene.add_grid("/grid", width=2, height=2, cell_size=0.1, section_size=0.5, position=(0, 0, -0.002))
     static = show(background, server, "/background")
     outline = show(support, server, "/support")
     lens = [add_camera(server, "/camera", camera, support.camera_pose.matrix)]
     pieces: list[Any] = []
     facts = {label: _fact(asset, (held or {}).get(label, "")) for label, asset in assets.items()}
     choose = _chosen(server, facts, bind)
+    nodes: Nodes = {}
     for label in sorted(assets):
         name = f"/{(addresses or {}).get(label, label)}"
         frames = _object(server, name, assets[label], pieces, partial(_tell, choose, label))
+        nodes |= {f"{name}/{link}": placed for link, placed in _placed(assets[label]).items()}
         _sliders(server, label, assets[label], frames)
     if photo is not None:
         comparison = Comparison(server, "/photograph", camera, support.camera_pose.matrix, photo.pixels)
         comparison.aside += [*lens, outline]
-        lens.append(comparison.picture)
     labels = [_label(server, f"/labels/{label}", facts[label].short(label), asset) for label, asset in assets.items()]
     with server.gui.add_folder("Show"):
-        for title, handles in (("Labels", labels), ("Background", [static]), ("Camera", lens), ("Outline", [outline])):
+        for title, handles in (("Labels", labels), ("Background", [static])):
             switch(server, title, handles, visible=True)
-        switch(server, "Collision pieces", pieces, visible=False)
-    _greet(server, assets, support.camera_pose.matrix)
+        for title, handles in (
+            ("Mark what the photograph does not show", _marks(server, nodes, background, camera, support)),
+            ("Camera", lens),
+            ("Outline", [outline]),
+            ("Collision pieces", pieces),
+            ("Grid and axes", [grid, axes]),
+        ):
+            for handle in handles:
+                handle.visible = False
+            switch(server, title, handles, visible=False)
+    if photo is None:
+        look_from(server, np.array([asset.pose.matrix[:3, 3] for asset in assets.values()] or [np.zeros(3)]))
 
 
 def _object(server: Any, name: str, asset: Asset, pieces: list[Any], clicked: Callable[[Any], None]) -> dict[str, Any]:
     """Add an object as it was seen, append its hidden collision pieces to `pieces`, and return link -> frame."""
-    add_frame(server, name, asset.pose.matrix, axes=0.04)
+    add_frame(server, name, asset.pose.matrix)
     frames = {}
     for link, pose in kinematics.link_poses(asset.body).items():
         frames[link] = add_frame(server, f"{name}/{link}", pose)
@@ -82,6 +98,29 @@ def _object(server: Any, name: str, asset: Asset, pieces: list[Any], clicked: Ca
             colour = PIECE_COLOURS[number % len(PIECE_COLOURS)]
             pieces.append(add_piece(server, f"{name}/{link}/piece_{number}", hull, colour, visible=False))
     return frames
+
+
+def _placed(asset: Asset) -> Nodes:
+    """Link -> its mesh and pose."""
+    poses = kinematics.link_poses(asset.body)
+    return {link: (asset.body.links[link].mesh, asset.pose.matrix @ pose) for link, pose in poses.items()}
+
+
+def _marks(server: Any, nodes: Nodes, background: Background, camera: Camera, support: Support) -> list[Any]:
+    """Marks on the surfaces that were completed, because the photograph does not show them."""
+    scenery = [(mesh, np.eye(4)) for mesh in (background.mesh, background.invented) if mesh is not None]
+    try:
+        hidden = invented.unseen([*nodes.values(), *scenery], camera, support.camera_pose.matrix)
+    except ImportError:  # Open3D, which the viewer does not need otherwise
+        hidden = []
+    chosen = {name: (mesh, faces) for (name, (mesh, _)), faces in zip(nodes.items(), hidden, strict=False)}
+    if background.invented is not None:
+        chosen["/background"] = (background.invented, np.ones(len(background.invented.faces), bool))
+    return [
+        server.scene.add_mesh_simple(f"{name}/mark", made.vertices, made.faces, color=invented.COLOUR, side="double")
+        for name, made in ((name, invented.marked(*each)) for name, each in chosen.items())
+        if len(made.faces)
+    ]
 
 
 def _sliders(server: Any, label: str, asset: Asset, frames: Mapping[str, Any]) -> None:
@@ -101,6 +140,37 @@ def _sliders(server: Any, label: str, asset: Asset, frames: Mapping[str, Any]) -
             slider, unit = _slider(server, joint)
             sliders[joint.name] = slider, unit
             slider.on_update(pose)
+            _note(
+                server,
+                f"{label}: {joint.name} [{'deg' if joint.type == 'revolute' else 'mm'}]",
+                slider,
+                unit,
+                asset,
+                joint,
+                frames,
+            )
+
+
+def _note(
+    server: Any, title: str, slider: Any, unit: float, asset: Asset, joint: Joint, frames: Mapping[str, Any]
+) -> None:
+    """What the slider of a joint does, for saved pages; the other joints are as photographed."""
+    values = np.linspace(slider.min, slider.max, STEPS + 1)
+    posed = [kinematics.link_poses(asset.body, {joint.name: float(value) / unit}) for value in values]
+    still = kinematics.link_poses(asset.body)
+    moved = [link for link in frames if any(not np.allclose(each[link], still[link]) for each in posed)]
+    note_slider(
+        server,
+        title,
+        values.tolist(),
+        float(slider.value),
+        {frames[link].name: [_pose(each[link]) for each in posed] for link in moved},
+    )
+
+
+def _pose(matrix: np.ndarray) -> np.ndarray:
+    """Position and quaternion (7,)."""
+    return np.concatenate([matrix[:3, 3], quaternions.from_matrix(matrix[:3, :3])])
 
 
 def _slider(server: Any, joint: Joint) -> tuple[Any, float]:
@@ -153,15 +223,3 @@ def _chosen(server: Any, facts: Mapping[str, Fact], bind: Callable[[str, str], s
     if bind is not None and name is not None and button is not None:
         button.on_click(lambda _: setattr(words, "content", bind(chosen[0], name.value)))
     return choose
-
-
-def _greet(server: Any, assets: Mapping[str, Asset], world_from_camera: np.ndarray) -> None:
-    """Start the view at the photograph's camera, rotated to the side to make depth visible at once."""
-    places = [asset.pose.matrix[:3, 3] for asset in assets.values()]
-    target = np.mean(places, axis=0) if places else np.zeros(3)
-    c, s = np.cos(SWING_RAD), np.sin(SWING_RAD)
-    arm = world_from_camera[:3, 3] - target
-    start = target + np.array([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1], 1.1 * arm[2]])
-    server.initial_camera.position = tuple(start.tolist())
-    server.initial_camera.look_at = tuple(target.tolist())
-    server.initial_camera.up = (0.0, 0.0, 1.0)

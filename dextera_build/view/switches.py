@@ -6,12 +6,14 @@ from collections.abc import Iterable
 from typing import Any
 
 from dextera_build.view.figure import Figure
+from dextera_build.view.panel import note_switch
 
 
 def switch(server: Any, title: str, handles: Iterable[Any], *, visible: bool) -> None:
     """A check box for some scene nodes."""
     box = server.gui.add_checkbox(title, initial_value=visible)
     switched = list(handles)
+    note_switch(server, title, switched, visible=visible)
 
     def toggle(_: object) -> None:
         for handle in switched:

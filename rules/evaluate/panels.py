@@ -11,7 +11,9 @@ import numpy as np
 if TYPE_CHECKING:
     from PIL.ImageFont import FreeTypeFont, ImageFont
 
-GAP, BAR = 6, 26
+GAP = 6
+SMALLEST_PX, SHOWN_PX, READ_PX = 15, 760, 13
+"""Lettering: at least so high; a board is shown about so wide in a report, where it has to be so high."""
 PAPER, INK = (250, 250, 250), (40, 44, 52)
 
 
@@ -34,19 +36,25 @@ def board(
         sides: Name of the side -> render of the same size; an even number.
     """
     mixed = np.round(photo * (1.0 - blend) + twin * blend).astype(np.uint8)
-    traced = outlined(photo, owner, names)
+    size = lettering(2 * photo.shape[1])
+    traced = outlined(photo, owner, names, size)
     panels = [("photograph", photo), ("twin", twin), (f"{blend:.0%} twin over photograph", mixed)]
     panels.append(("outlines of the twin on the photograph", traced))
     panels += [(f"twin from {where}", side) for where, side in sides.items()]
-    panes = [titled(pixels, title) for title, pixels in panels]
+    panes = [titled(pixels, title, size) for title, pixels in panels]
     whole = beside(panes[0], panes[1], axis=1)
     for left, right in zip(panes[2::2], panes[3::2], strict=True):
         whole = beside(whole, beside(left, right, axis=1), axis=0)
     return np.pad(whole, ((GAP, GAP), (GAP, GAP), (0, 0)), constant_values=PAPER[0])
 
 
-def outlined(photo: np.ndarray, owner: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
-    """The photograph with each object's outline, two pixels wide, and its name."""
+def lettering(width: int) -> int:
+    """Height of letters [px] in a picture of this width, so that they are read in a report."""
+    return max(SMALLEST_PX, -(-width * READ_PX // SHOWN_PX))
+
+
+def outlined(photo: np.ndarray, owner: np.ndarray, names: tuple[str, ...], size: int = SMALLEST_PX) -> np.ndarray:
+    """The photograph with each object's outline, two pixels wide, and its name in letters of `size` [px]."""
     from PIL import Image, ImageDraw
 
     pixels = photo.copy()
@@ -61,12 +69,12 @@ def outlined(photo: np.ndarray, owner: np.ndarray, names: tuple[str, ...]) -> np
         spots.append((name, float(columns.mean()), float(rows.min()), colour))
     picture = Image.fromarray(pixels)
     pen = ImageDraw.Draw(picture)
-    font = typeface(14)
+    font = typeface(size)
     for name, x, y, colour in spots:
         width = pen.textlength(name, font=font)
         left = min(max(2.0, x - width / 2), photo.shape[1] - width - 4)
-        top = max(2.0, y - 22)
-        pen.rectangle([left - 3, top - 1, left + width + 3, top + 17], fill=colour)
+        top = max(2.0, y - 1.5 * size)
+        pen.rectangle([left - 3, top - 1, left + width + 3, top + 1.2 * size], fill=colour)
         pen.text((left, top), name, fill=(255, 255, 255), font=font)
     return np.array(picture, np.uint8)
 
@@ -85,13 +93,14 @@ def _colour(number: int) -> tuple[int, int, int]:
     return round(red * 255), round(green * 255), round(blue * 255)
 
 
-def titled(pixels: np.ndarray, title: str) -> np.ndarray:
-    """Add a line of text above the picture."""
+def titled(pixels: np.ndarray, title: str, size: int = SMALLEST_PX) -> np.ndarray:
+    """Add a line of text, `size` high [px], above the picture."""
     from PIL import Image, ImageDraw
 
-    picture = Image.new("RGB", (pixels.shape[1], pixels.shape[0] + BAR), PAPER)
-    picture.paste(Image.fromarray(pixels), (0, BAR))
-    ImageDraw.Draw(picture).text((4, 4), title, fill=INK, font=typeface(15))
+    bar = round(1.75 * size)
+    picture = Image.new("RGB", (pixels.shape[1], pixels.shape[0] + bar), PAPER)
+    picture.paste(Image.fromarray(pixels), (0, bar))
+    ImageDraw.Draw(picture).text((4, 0.27 * size), title, fill=INK, font=typeface(size))
     return np.array(picture, np.uint8)
 
 

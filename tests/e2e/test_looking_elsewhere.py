@@ -52,7 +52,12 @@ def test_after_a_build_the_scene_is_shown_and_marked(made: Space) -> None:
     said = look(made)
     assert "`table` was made with stub backends: " in said
     assert "was written" not in said
-    assert "stub backends made" in (made.root / "cache/out/table/report.html").read_text()
+    text = (made.root / "cache/out/table/report.html").read_text()
+    assert "stub backends made" in text
+    assert 'href="report_3d.html"' in text
+    assert "viser" in (made.root / "cache/out/table/report_3d.html").read_text()
+    assert made.dxb("report", "table", "--against", "0001", "-o", "beside.html").code == 0
+    assert "Beside run 0001" in (made.root / "beside.html").read_text()
     assert "`table:scene` was made with stub backends: " in made.dxb("get", "table:scene", "-o", "got").err
 
 

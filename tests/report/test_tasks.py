@@ -84,6 +84,9 @@ def test_a_task_has_one_card_with_its_film_and_its_rates(run: tuple[Run, FakeSto
         frames = [frame.to_ndarray(format="rgb24") for frame in opened.decode(video=0)]
     assert (len(frames), frames[0].shape) == (STEPS, (48, 64, 3))
     assert abs(float(frames[-1][..., 0].mean()) - 200) < 6
+    (video,) = re.findall(r"<video[^>]*>", card)
+    assert {"autoplay", "loop", "muted", "playsinline", "controls"} <= set(video.split())
+    assert "max-width:130px" in video  # 65 px would else be blown up to the width of the card
 
 
 def test_hands_are_not_called_a_script(run: tuple[Run, FakeStore]) -> None:

@@ -165,6 +165,30 @@ def test_number(value: float, text: str) -> None:
     assert wording.number(value) == text
 
 
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (0.0004512, "% of m g h", "< 0.01 % of m g h"),
+        (8.89e-13, "%", "< 0.01 %"),
+        (0.0, "%", "0 %"),
+        (98.125, "%", "98.12 %"),
+        (0.000246, "MB", "246 B"),
+        (4.6, "MB", "4.6 MB"),
+        (0.00045, "m", "0.45 mm"),
+        (0.0000004, "m", "0.4 µm"),
+        (0.03, "kg", "30 g"),
+        (1.36, "m", "1.36 m"),
+        (19535.0, "cm3", "19,535 cm³"),
+        (-0.0123, "m", "-12.3 mm"),
+        (12.92, "dB", "12.92 dB"),
+        (5, "", "5"),
+        (3, "of 5", "3 of 5"),
+    ],
+)
+def test_quantities_are_written_as_people_do(value: float, unit: str, text: str) -> None:
+    assert wording.quantity(value, unit) == text
+
+
 def test_counts_and_lists() -> None:
     assert wording.count(1, "node") == "1 node"
     assert wording.count(1204, "node") == "1,204 nodes"

@@ -19,7 +19,7 @@ from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.artifacts.spatial.point_cloud import PointCloud
 from dextera_build.errors import UsageError
 from dextera_build.geometry import kinematics, quaternions
-from dextera_build.view import save, scene, server
+from dextera_build.view import framing, invented, save, scene, server
 from dextera_build.view.replay import ReplayView
 from dextera_build.view.show import show
 from dextera_build.view.task import TaskView
@@ -40,7 +40,7 @@ class Recorder:
             raise AttributeError(method)
 
         def add(name: str, *values: Any, **options: Any) -> Any:
-            handle = SimpleNamespace(kind=method, values=values, **{"visible": True, **options})
+            handle = SimpleNamespace(kind=method, name=name, values=values, **{"visible": True, **options})
             handle.on_click = lambda call: setattr(handle, "clicked", call)
             if method in ("add_slider", "add_checkbox", "add_dropdown", "add_button", "add_text"):
                 handle.value = options.get("initial_value")
@@ -56,6 +56,9 @@ class Recorder:
 
     def atomic(self) -> Any:
         return _Folder()
+
+    def on_client_connect(self, call: Any) -> None:
+        self.connected = call
 
 
 class _Folder:
@@ -117,14 +120,64 @@ def test_the_frustum_is_the_cameras(shown: Recorder) -> None:
     assert camera.fov == pytest.approx(2 * np.arctan(lens.height / 2 / lens.fy))
     np.testing.assert_allclose(camera.position, table.camera_pose.matrix[:3, 3])
     np.testing.assert_allclose(quaternions.to_matrix(camera.wxyz), table.camera_pose.matrix[:3, :3], atol=1e-9)
-    assert shown.initial_camera.position[2] > 0
+
+
+def test_the_view_opens_at_the_photographs_camera_with_nothing_before_the_twin(shown: Recorder) -> None:
+    pose, lens = factories.support().camera_pose.matrix, factories.camera()
+    start = shown.initial_camera
+    np.testing.assert_allclose(start.position, pose[:3, 3])
+    ahead = np.array(start.look_at) - start.position
+    np.testing.assert_allclose(ahead / np.linalg.norm(ahead), pose[:3, 2], atol=1e-9)
+    assert start.fov > 2 * np.arctan(lens.height / 2 / lens.fy)  # all rows of the photograph
+    assert not any(shown.nodes[name].visible for name in ("/photograph", "/camera", "/support", "/grid", "/world"))
+    client = SimpleNamespace(camera=SimpleNamespace(aspect=0.5), atomic=shown.atomic)
+    shown.connected(client)
+    across = 2 * np.arctan(np.tan(client.camera.fov / 2) * client.camera.aspect)
+    assert across > 2 * np.arctan(lens.width / 2 / lens.fx)  # on a phone, all columns
+
+
+def test_what_the_photograph_does_not_show_is_marked_on_request(shown: Recorder) -> None:
+    mark = shown.nodes["/box/base/mark"]
+    assert not mark.visible
+    switch = shown.controls["Mark what the photograph does not show"]
+    switch.value = True
+    switch.moved(None)
+    assert mark.visible
+    vertices, faces = mark.values
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    eye = factories.support().camera_pose.matrix[:3, 3] - factories.box_asset(factories.pose(-0.2)).pose.matrix[:3, 3]
+    mesh = factories.box_asset().body.links["base"].mesh
+    away = (
+        np.cross(*np.diff(mesh.vertices[mesh.faces], axis=1).transpose(1, 0, 2))
+        * (eye - mesh.vertices[mesh.faces][:, 0])
+    ).sum(axis=1) < 0
+    # Of a box, those faces are hidden that are turned away.
+    assert len(faces) == away.sum() > 0
+    assert ((normals * (eye - corners[:, 0])).sum(axis=1) < 0).all()
+
+
+def test_what_stands_behind_another_thing_is_not_seen() -> None:
+    lens, table = factories.camera(), factories.support()
+    world = table.camera_pose.matrix
+    near, far, aside = np.eye(4), np.eye(4), np.eye(4)
+    for pose, (right, ahead) in zip((near, far, aside), ((0.0, 0.5), (0.0, 0.9), (50.0, 0.9)), strict=True):
+        pose[:3, 3] = world[:3, 3] + ahead * world[:3, 2] + right * world[:3, 0]
+    small, large = factories.box_mesh((-0.02,) * 3, (0.02,) * 3), factories.box_mesh((-0.1,) * 3, (0.1,) * 3)
+    hidden = invented.unseen([(large, near), (small, far), (small, aside)], lens, world)
+    assert [each.all() for each in hidden] == [False, True, True]  # beside the picture, nothing is seen either
+    (alone,) = invented.unseen([(small, far)], lens, world)
+    assert not alone.all()
 
 
 def test_objects_tell_their_mass_and_material(shown: Recorder) -> None:
     (words,) = shown.nodes["/labels/box"].values
     physics = factories.box_asset().physics
     grams = 1000 * sum(link.mass_kg for link in physics.links.values())
-    assert words == f"box · {grams:.0f} g · {physics.material} · µ {physics.friction:.2f}"
+    assert words == f"box · {grams:.0f} g"
+    shown.nodes["/box/base/visual"].clicked(None)
+    told = shown.nodes["Click an object for its mass, material and friction."].content
+    assert f"* material: {physics.material}\n* friction: {physics.friction:.2f}" in told
 
 
 def test_a_held_object_is_marked_and_tells_why() -> None:
@@ -211,6 +264,44 @@ def test_every_shape_is_shown_under_its_name(artifact: Any) -> None:
     assert all(name.startswith("/thing") for name in recorder.nodes)
 
 
+@pytest.mark.parametrize(
+    "artifact",
+    [
+        factories.box_asset(factories.pose(3.0)),
+        factories.laptop_asset().body,
+        factories.background(),
+        factories.box_mesh((5, 5, 5), (6, 6, 6)),
+        Collection[Mesh](items={"a": factories.box_mesh((0, 0, 0), (1, 1, 1))}),
+    ],
+    ids=lambda artifact: artifact.name(),
+)
+def test_the_view_of_one_artifact_holds_it(artifact: Any) -> None:
+    recorder = Recorder()
+    framing.look_at(recorder, artifact)
+    start, points = recorder.initial_camera, framing.spread(artifact)
+    ahead = np.array(start.look_at) - start.position
+    ahead /= np.linalg.norm(ahead)
+    off = points - start.position
+    angles = np.arccos((off @ ahead) / np.linalg.norm(off, axis=1))
+    assert np.degrees(angles).max() < 75 / 2  # viser's own field of view
+    assert np.degrees(angles).max() > 10  # nor is it a speck
+
+
+def test_the_view_of_gaussians_holds_most_of_them_however_far_single_ones_are() -> None:
+    made = factories.splats(400)
+    means = np.random.default_rng(0).uniform(-1, 1, (400, 3)).astype(np.float32)
+    means[:3] = 500.0
+    opacities = np.full(400, 0.9, np.float32)
+    opacities[3:6], means[3:6] = 0.01, -300.0
+    recorder = Recorder()
+    framing.look_at(recorder, made.model_copy(update={"means": means, "opacities": opacities}))
+    assert np.abs(recorder.initial_camera.look_at).max() < 0.2
+    assert np.linalg.norm(recorder.initial_camera.position) < 6
+    nothing = Recorder()
+    framing.look_at(nothing, PointCloud(points=np.zeros((0, 3), np.float32)))
+    assert not hasattr(nothing.initial_camera, "position")
+
+
 def test_what_has_no_shape_says_what_has(shown: Recorder) -> None:
     with pytest.raises(UsageError, match="a File has no shape to view") as caught:
         show(File(data=b""), shown, "/x")
@@ -245,7 +336,7 @@ def test_the_real_server_answers_and_saves(
 def test_physics_is_played_and_an_episode_is_recorded(started: tuple[Any, str], tmp_path: Path) -> None:
     running, _ = started
     view = TaskView(running, "/task", episodes.bundle(), {"box": "wood"})
-    assert view.figure.labels[0].text == "box · 100 g · wood · µ 0.50"
+    assert view.figure.labels[0].text == "box · 100 g"
     raised = view.environment.data.joint("box").qpos.copy()
     raised[2] += 0.05
     view.environment.data.joint("box").qpos[:] = raised

@@ -12,16 +12,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build.cli import options
-from dextera_build.errors import RecipeError
+from dextera_build.errors import DxbError, RecipeError
 
 if TYPE_CHECKING:
     from dextera_build.recipe.expect import Expectation
+    from dextera_build.session import Session
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     parser.add_argument("run", nargs="?", metavar="RUN|RECIPE", help="a run's id, or a recipe for its last run")
     parser.add_argument("-o", "--out", metavar="FILE", help="where to write it (<cache>/out/<recipe>/report.html)")
+    parser.add_argument("--against", metavar="RUN|RECIPE", help="a run to show beside it, picture by picture")
     parser.add_argument("--open", action="store_true", help="open it in the browser")
     options.project_arguments(parser)
     options.request_arguments(parser)
@@ -34,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
     from dextera_build.cli.table import writing
     from dextera_build.explain import runs
     from dextera_build.report.build import build
-    from dextera_build.session import reading
+    from dextera_build.session import Session, reading
 
     project = options.project(args)
     events = runs.of_last_built(project, args.run, options.added(args))
@@ -50,9 +52,37 @@ def run(args: argparse.Namespace) -> int:
     with suppress(RecipeError):  # a recipe that is wrong by now has no bounds
         found = project.recipe(recipe)
         expected = found.expect if found is not None else {}
+    against = runs.find(project, args.against)[1] if args.against else None
     with writing(out, hint=None if args.out else f"dxb report {recipe} -o report.html"):
-        path = build(events, reading(project), out, licences=licences, expected=expected)
-    print(json.dumps({"report": project.shown(path)}) if args.json else project.shown(path))
+        view = _view(Session(project, recipe, options.added(args), last=True), start["run"], out)
+        link = view.name if view else ""
+        path = build(events, reading(project), out, licences=licences, expected=expected, view=link, against=against)
+    written = {"report": project.shown(path)} | ({"view": project.shown(view)} if view else {})
+    print(json.dumps(written) if args.json else written["report"])
     if args.open or (os.environ.get("DISPLAY") and os.isatty(1) and args.out is None):
         webbrowser.open(path.absolute().as_uri())
     return 0
+
+
+def _view(session: Session, run: str, out: Path) -> Path | None:
+    """Write the page that shows the result in 3D next to the report `out`.
+
+    Returns:
+        The page; None if the run is not the one that `dxb view` shows, made nothing to view, or viser is not installed.
+    """
+    from dextera_build.cli.look import shown
+    from dextera_build.view import save, server
+
+    if session.last_run() != run:
+        return None
+    try:
+        fill = shown.of(session, "")
+        viewer, _ = server.start()
+    except DxbError:
+        return None
+    try:
+        return save.write(viewer, out.with_name(f"{out.stem}_3d.html"), fill(viewer))
+    except DxbError:
+        return None
+    finally:
+        server.stop(viewer)

@@ -57,10 +57,12 @@ def of(session: Session, node: str, episode: str | None = None) -> Fill:
 
 
 def _plain(artifact: Any, node: str) -> Fill:
+    from dextera_build.view import framing
     from dextera_build.view.show import show
 
     def fill(viewer: Any) -> Iterator[float]:
         show(artifact, viewer, f"/{node}")
+        framing.look_at(viewer, artifact)
         return iter(())
 
     return fill

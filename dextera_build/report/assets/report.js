@@ -100,6 +100,9 @@
     });
   }
 
+  // A film plays by itself, but not for those who asked for less motion.
+  if (window.matchMedia("(prefers-reduced-motion: reduce)").matches) all("video").forEach((film) => film.pause());
+
   const follow = () => {
     const node = /^#[nc]\d+$/.test(location.hash) && document.querySelector(location.hash);
     if (node) node.open = true;

@@ -9,6 +9,7 @@ from dextera_build.artifacts.scenes.scene import Background, Scene
 from dextera_build.rule import Context, rule
 from dextera_build.sim.model import description, mjcf, names, neighbours
 
+from .amounts import amount
 from .metric import metric
 
 NOTABLE_M = 0.005
@@ -43,7 +44,7 @@ def scene(ctx: Context, assets: Collection[Asset], background: Background, suppo
     ctx.metric("overlap", 1000 * max((cut.deep_m for cut in cuts), default=0.0), "mm")
     unknown = ", scale unknown" if support.scale == "unknown" else ""
     bodies = tuple(names.body_names(placed).values())
-    ctx.say(f"{_count(len(bodies), 'body', 'bodies')}, {_count(joints, 'joint', 'joints')}, {mass:.2f} kg{unknown}")
+    ctx.say(f"{amount(len(bodies), 'body', 'bodies')}, {amount(joints, 'joint')}, {mass:.2f} kg{unknown}")
     return Scene(model=model, camera=camera, camera_pose=support.camera_pose, bodies=bodies, scale=support.scale)
 
 
@@ -53,7 +54,3 @@ def _told(ctx: Context, cut: neighbours.Cut) -> None:
         ctx.warn(
             f"{cut.body} and {by} overlap by {1000 * cut.deep_m:.0f} mm: {cut.lost:.0%} of {cut.body} collides no more"
         )
-
-
-def _count(number: int, one: str, many: str) -> str:
-    return f"{number} {one if number == 1 else many}"

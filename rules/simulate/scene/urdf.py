@@ -17,6 +17,8 @@ from dextera_build.formats.urdf_xml import Node
 from dextera_build.geometry import convex
 from dextera_build.rule import Context, Options, rule
 
+from .amounts import amount
+
 
 class UrdfOptions(Options):
     """Options of simulate.urdf: joint properties required by URDF but not visible in a photograph."""
@@ -56,7 +58,8 @@ def urdf(ctx: Context, asset: Asset, *, options: UrdfOptions) -> Folder:
     files["object.urdf"] = urdf_xml.text(robot)
     files["placement.json"] = _placement(asset)
     size = sum(len(data) for data in files.values()) / 1e6
-    ctx.say(f"{len(asset.body.links)} links, {len(asset.body.joints)} joints, {len(files)} files, {size:.1f} MB")
+    parts = amount(len(asset.body.links), "link"), amount(len(asset.body.joints), "joint"), amount(len(files), "file")
+    ctx.say(f"{', '.join(parts)}, {size:.1f} MB")
     return Folder(files=files)
 
 

@@ -20,7 +20,7 @@ from dextera_build.sim.model.fixed_bodies import hold
 from dextera_build.sim.render import framing, rendering
 from rules.background import static_planes
 from rules.background.static import StaticOptions, static
-from rules.evaluate import overlay_mujoco, overlay_stub
+from rules.evaluate import overlay_mujoco, overlay_stub, panels
 from rules.evaluate.overlay import OverlayOptions, overlay
 from rules.evaluate.panels import outlined
 from rules.simulate.scene.scene import scene
@@ -116,6 +116,19 @@ def test_outlines_follow_the_mask_and_leave_the_rest() -> None:
     assert drawn[40, 25:55].all()
     assert not drawn[43:52, 24:56].any()
     assert not drawn[57:, :].any()
+
+
+@pytest.mark.parametrize("width", [320, 640, 1280, 1920])
+def test_captions_are_read_where_a_report_shows_the_whole_board(width: int) -> None:
+    size = panels.lettering(2 * width)
+    assert size >= panels.SMALLEST_PX
+    assert size * min(1.0, 760 / (2 * width)) >= 12  # pixels of the page
+    titled = panels.titled(np.zeros((90, width, 3), np.uint8), "outlines of the twin on the photograph", size)
+    inked = (titled[: titled.shape[0] - 90] < 128).any(axis=-1)
+    rows, columns = np.nonzero(inked)
+    assert rows.max() < inked.shape[0] - 1  # nothing is cut below ...
+    if width >= 640:
+        assert columns.max() < width - 1  # ... or at the side
 
 
 def test_a_photograph_of_another_camera_is_refused(twin: Scene, tmp_path: Path) -> None:

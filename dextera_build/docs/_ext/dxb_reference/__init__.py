@@ -1,11 +1,16 @@
-"""Sphinx extension: pages that hold `% generated: NAME` get that reference, made from the code at build time."""
+"""Sphinx extension: references that are made from the code at build time.
+
+Pages that hold `% generated: NAME` get that reference; every rule and every example gets a page of its own, which is
+written next to the others: build from a copy, as `make docs` does.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from . import artifacts, cli, errors, rules, states, terms
+from . import artifacts, cli, errors, examples, gallery, made, rules, states, terms
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
@@ -15,6 +20,7 @@ MAKERS: dict[str, Callable[[], str]] = {
     "artifacts": artifacts.page,
     "cli": cli.page,
     "errors": errors.page,
+    "gallery": gallery.page,
     "rules": rules.page,
     "states": states.page,
     "terms": terms.page,
@@ -36,10 +42,16 @@ def fill(text: str) -> str:
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect to Sphinx."""
 
+    def write(app: Sphinx) -> None:
+        docs = Path(app.srcdir)
+        made.write(docs / rules.FOLDER, rules.pages())
+        made.write(docs / examples.FOLDER, examples.pages())
+
     def read(app: Sphinx, page: str, source: list[str]) -> None:
-        source[0] = fill(source[0])
+        source[0] = examples.linked(fill(source[0]), page)
         if _MARK in source[0]:
             raise ValueError(f"{page}: a marker was not filled in")
 
+    app.connect("builder-inited", write)
     app.connect("source-read", read)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -12,23 +12,32 @@ from dextera_build.recipe.kinds import type_name
 
 from .markdown import code, join, table
 
+FOLDER = "rules"
+"""Folder of the pages of rules below the docs."""
+
 
 def page() -> str:
-    """One section per stage, one below it per rule."""
+    """One table per stage, of links to the pages of its rules."""
+    stages = groupby(_sorted(Library()), key=lambda found: found.path.partition(".")[0])
+    return join(*(join(f"## {stage}", _overview(list(rules))) for stage, rules in stages))
+
+
+def pages() -> dict[str, str]:
+    """Path of a rule -> its page."""
     library = Library()
-    found = sorted(library.rules(), key=lambda rule: rule.path)
-    overview = table(
-        ["rule", "description", "backends"],
-        [[f"[{code(r.path)}](#{r.path.replace('.', '-')})", r.rule.summary, _names(r)] for r in found],
-    )
-    stages = groupby(found, key=lambda rule: rule.path.partition(".")[0])
-    return join(
-        overview, *(join(f"## {stage}", *(section(library, rule) for rule in rules)) for stage, rules in stages)
-    )
+    return {found.path: _page(library, found) for found in _sorted(library)}
 
 
-def section(library: Library, found: RuleFile) -> str:
-    """One rule."""
+def _sorted(library: Library) -> list[RuleFile]:
+    return sorted(library.rules(), key=lambda found: found.path)
+
+
+def _overview(rules: list[RuleFile]) -> str:
+    rows = [[f"[{code(found.path)}]({FOLDER}/{found.path}.md)", found.rule.summary, _names(found)] for found in rules]
+    return table(["rule", "description", "backends"], rows)
+
+
+def _page(library: Library, found: RuleFile) -> str:
     rule = found.rule
     slots = [
         [code(slot.name), code(type_name(slot.annotation)), "optional" if slot.optional else ""]
@@ -40,7 +49,7 @@ def section(library: Library, found: RuleFile) -> str:
     ]
     needs = f", packages {', '.join(map(code, rule.packages))}" if rule.packages else ""
     return join(
-        f"({found.path.replace('.', '-')})=\n### {found.path}",
+        f"# {found.path}",
         _prose(inspect.getdoc(rule.function) or ""),
         f"Returns {code(type_name(rule.returns))}. Version {rule.version}{needs}.",
         table(["input", "type", ""], slots),
