@@ -58,7 +58,9 @@ def running(rate_hz: float, *faults: Fault) -> Iterator[tuple[Real, RosCell]]:
     thread = threading.Thread(target=real.run)
     thread.start()
     try:
-        yield real, RosCell(ours, topics, made, ("objects", "rgb"))
+        cell = RosCell(ours, topics, made, ("objects", "rgb"))
+        time.sleep(1.0)  # as `dxb run` listens at first, so that a late first message is no jump of the clock
+        yield real, cell
     finally:
         real.ended.set()
         thread.join(10)

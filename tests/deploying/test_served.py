@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 
 import numpy as np
@@ -11,6 +12,9 @@ pytest.importorskip("rosbags", reason="needs rosbags (extra `ros`)")
 pytest.importorskip("websockets", reason="needs websockets (extra `serve`)")
 pytest.importorskip("torch", reason="needs torch (extra `learn`)")
 
+from dextera_build.cli.robot import acting
+from dextera_build.cli.robot.connected import Connected
+from dextera_build.errors import UsageError
 from dextera_build.policy.running import Policy
 from dextera_build.policy.wire import asked
 from dextera_build.policy.wire.said import connected
@@ -52,6 +56,13 @@ def test_a_served_policy_drives_as_the_local_one() -> None:
     assert len(local) == 20
     assert np.ptp(local, axis=0).max() > 0.01
     assert np.array_equal(local, served)
+
+
+def test_a_server_that_does_not_state_its_policy_is_refused() -> None:
+    with servers.scripted(servers.foreign(lambda data: None)) as address:
+        args = argparse.Namespace(policy=address, api_key=None)
+        with pytest.raises(UsageError, match="does not state what its policy takes"):
+            acting.policy(args, Connected(None, None, None, None))  # type: ignore[arg-type]
 
 
 def test_a_server_that_ends_holds_the_robot() -> None:

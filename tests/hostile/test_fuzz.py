@@ -45,7 +45,7 @@ from tests.store.stores import forged
 
 CHECKS = [HealthCheck.function_scoped_fixture, HealthCheck.too_slow, HealthCheck.data_too_large]
 FEW = settings(max_examples=15, deadline=None, suppress_health_check=CHECKS)
-MANY = settings(FEW, max_examples=int(os.environ.get("DXB_FUZZ", "1500")))
+MANY = settings(FEW, max_examples=int(os.environ.get("DXB_FUZZ", "500")))
 
 
 @dataclass(frozen=True)
