@@ -42,8 +42,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print one line per finding, then the number that each step mends; return 4 if something is missing."""
     project = options.project(args)
-    findings = [*_python(), *_store(project), *_libraries(), *_backends(project, args.self_test)]
-    findings += [*_extras(project), *_rendering()]
+    findings = [*_python(), *_store(project), *_libraries(), *_backends(project, args.self_test), *_rendering()]
     rows = [dict(zip(("what", "ok", "found", "mend"), finding, strict=True)) for finding in findings]
     cells = [
         {"state": "ok" if fine else "lacks", "what": what, "found": found, "mend": "" if fine else mend}
@@ -89,22 +88,6 @@ def _backends(project: Project, tested: list[str] | None) -> Iterator[Finding]:
             yield _backend(project, found, found.backends[name], tests=tests)
 
 
-def _extras(project: Project) -> Iterator[Finding]:
-    """Each extra of dxb that backends of the profile need, and how many of them lack something of it."""
-    lacking: dict[str, list[bool]] = {}
-    for found in project.library.rules():
-        names, _ = project.preferences.preferred(found)
-        for backend in (found.backends[name] for name in names[:1]):
-            if backend.facts.extra:
-                lacks = lacks_of(found, backend, project.machine)
-                absent = any(package in lacks for package in backend.facts.packages)
-                lacking.setdefault(backend.facts.extra, []).append(absent)
-    for extra, absent in sorted(lacking.items()):
-        told = f"{sum(absent)} of {wording.count(len(absent), 'backend')} lack packages of it"
-        fine = not any(absent)
-        yield f"extra {extra}", fine, wording.count(len(absent), "backend") if fine else told, install_extra(extra)
-
-
 def _named(project: Project, text: str) -> tuple[str, str]:
     """`RULE` or `RULE=BACKEND` of `--self-test`; refuses unknown names."""
     path, _, name = text.partition("=")
@@ -145,7 +128,4 @@ def _rendering() -> Iterator[Finding]:
     answer = subprocess.run([sys.executable, "-c", _RENDER], env=environment, capture_output=True, text=True)
     lines = answer.stderr.strip().splitlines()
     found = f"MUJOCO_GL={environment['MUJOCO_GL']}" if answer.returncode == 0 else (lines[-1] if lines else "crashed")
-    mend = "`apt-get install libegl1 libgl1` and `export MUJOCO_GL=egl`"
-    if "No module named" in found:
-        mend = install_extra("twin")
-    yield "rendering", answer.returncode == 0, found, mend
+    yield "rendering", answer.returncode == 0, found, "`apt-get install libegl1 libgl1` and `export MUJOCO_GL=egl`"
