@@ -52,7 +52,7 @@ def test_a_file_keeps_its_bytes_under_any_name(tmp_path):
 @pytest.mark.parametrize(
     ("made", "name", "why", "forms"),
     [
-        (lambda: Body(mesh=triangle()), "b.usdz", "neither it nor a part of it has that form", ".glb"),
+        (lambda: Body(mesh=triangle()), "b.mp4", "neither it nor a part of it has that form", ".glb"),
         (triangle, "b.png", "neither it nor a part of it has that form", ".glb"),
         (
             lambda: Collection[Body](items={"a": Body(mesh=triangle()), "b": Body(mesh=triangle())}),

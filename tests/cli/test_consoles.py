@@ -21,7 +21,16 @@ from dextera_build.cli.consoles.live import LiveConsole
 from dextera_build.cli.consoles.record import Running, clock, foot
 from dextera_build.cli.errors import wants_colour
 from dextera_build.rule.context import Outcome
-from dextera_build.runs.events import Event, NodeFinished, NodeLog, NodeProgress, NodeStarted, RunFinished, RunStarted
+from dextera_build.runs.events import (
+    BytesMissed,
+    Event,
+    NodeFinished,
+    NodeLog,
+    NodeProgress,
+    NodeStarted,
+    RunFinished,
+    RunStarted,
+)
 from tests.report.fabricate import Spec, fabricate
 
 
@@ -211,6 +220,25 @@ def test_live_ticks_while_a_node_runs_and_debounces_a_flood() -> None:
         flood = stream.getvalue().count("slow")
         assert flood <= (time.monotonic() - began) / 0.05 + 2
         until(lambda: stream.getvalue().count("slow") >= flood + 2)
+
+
+def test_a_node_whose_result_and_bytes_are_fetched_has_one_line() -> None:
+    def finished(node: str, status: Any) -> NodeFinished:
+        return NodeFinished(1.0, node, "a.b", None, status, "k", "o", 0.1, remote="shared")
+
+    stream = io.StringIO()
+    with console("plain", stream) as shown:
+        shown(finished("photo", "fetched"))
+        shown(BytesMissed(1.0, "photo", "mesh"))
+        shown(finished("photo", "fetched"))
+        shown(finished("known", "cached"))
+        shown(BytesMissed(1.0, "known", "mesh"))
+        shown(finished("known", "fetched"))
+        shown(finished("mesh", "ran"))
+    told = stream.getvalue().splitlines()
+    assert [line.split()[1] for line in told if "photo" in line] == ["photo"]
+    assert sum("known" in line for line in told) == 2
+    assert any("known: its result is bare" in line for line in told)
 
 
 def test_live_close_twice_and_without_events() -> None:

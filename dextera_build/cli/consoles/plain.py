@@ -10,7 +10,15 @@ from typing import TextIO
 from dextera_build.cli.consoles import Console, lines
 from dextera_build.cli.consoles.lines import Line
 from dextera_build.cli.consoles.record import beat
-from dextera_build.runs.events import Event, NodeFinished, NodeStarted, RemoteGivenUp, RunFinished
+from dextera_build.runs.events import (
+    BytesMissed,
+    Event,
+    NodeFinished,
+    NodeStarted,
+    RemoteGivenUp,
+    RunFinished,
+    RunStarted,
+)
 
 _ASCII = str.maketrans({"↓": "v", "✗": "x", "·": ".", "…": "...", "–": "-", "×": "x", "→": "->", "°": " deg", "▸": ">"})
 _BEAT_S = 30.0  # a log that is silent for longer looks hung
@@ -39,6 +47,8 @@ class PlainConsole(Console):
         self._unicode = (getattr(stream, "encoding", None) or "utf-8").lower().replace("-", "").startswith("utf")
         self._held: list[Line] | None = []
         self._uploads_told = 0.0
+        self._fetched: set[str] = set()
+        """Nodes with a line that says they were fetched."""
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="console", daemon=True)
 
@@ -73,11 +83,21 @@ class PlainConsole(Console):
             ran = isinstance(event, NodeFinished) and event.status != "cached"
             if ran or isinstance(event, NodeStarted | RemoteGivenUp):
                 self._release()
-            line = lines.line(event, verbose=self._verbose)
+            line = None if self._is_told(event) else lines.line(event, verbose=self._verbose)
             if line is not None and self._held is not None:
                 self._held.append(line)
             elif line is not None:
                 self._write([line])
+
+    def _is_told(self, event: Event) -> bool:
+        """Whether an event is about the bytes of a node whose fetched result has its line: one node, one line."""
+        if isinstance(event, RunStarted):
+            self._fetched.clear()
+        if isinstance(event, NodeFinished) and event.status == "fetched":
+            told = event.node in self._fetched
+            self._fetched.add(event.node)
+            return told
+        return isinstance(event, BytesMissed) and event.node in self._fetched
 
     def _run(self) -> None:
         while not self._stop.wait(min(self.TICK_S, self._beat_s)):

@@ -68,7 +68,8 @@ def _example(block: str, room: int) -> list[str]:
     for line in block.splitlines()[1:-1]:
         text, mark, remark = line.partition("  # ")
         fits = len(line) <= room - len(_INDENT) or not mark
-        lines += [line] if fits else [f"# {remark.strip()}", text.rstrip()]
+        above = textwrap.wrap(remark, room - len(_INDENT), initial_indent="# ", subsequent_indent="# ")
+        lines += [line] if fits else [*above, text.rstrip()]
     return [f"{_INDENT}{line}".rstrip() for line in lines]
 
 
