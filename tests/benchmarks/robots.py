@@ -121,7 +121,16 @@ def main() -> None:
         if args.here:
             print(f"| {' | '.join(row(project, name, args.attempts))} |", flush=True)
             continue
-        words = [sys.executable, "-m", __spec__.name, args.project, name, "--here", "--attempts", str(args.attempts)]
+        words = [
+            sys.executable,
+            "-m",
+            "tests.benchmarks.robots",
+            args.project,
+            name,
+            "--here",
+            "--attempts",
+            str(args.attempts),
+        ]
         try:
             print(subprocess.run(words, capture_output=True, text=True, timeout=args.most_s).stdout.strip() or name)
         except subprocess.TimeoutExpired:

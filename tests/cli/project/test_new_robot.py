@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -31,7 +32,7 @@ def put(folder: Path, files: dict[str, bytes]) -> Path:
     return folder
 
 
-def written(space: Space, name: str) -> dict:
+def written(space: Space, name: str) -> dict[str, Any]:
     """The node of a recipe."""
     text = (space.root / "recipes" / "robot" / f"{name}.yaml").read_text()
     return strict_yaml.parse(text, name).plain()
