@@ -34,7 +34,8 @@ def run(args: argparse.Namespace) -> int:
             raise UsageError(f"there is no file `{each}`", code="DXB-U217", hint="name the robot's URDF or MJCF")
     project = options.project(args)
     name = "_with_".join(re.sub(r"[^a-z0-9]+", "_", each.stem.lower()).strip("_") or "robot" for each in paths)
-    out = Path(args.out) if args.out else project.root / "recipes" / "robot" / f"{name}.yaml"
+    own = project.root.absolute() / "recipes" / "robot"
+    out = Path(args.out) if args.out else own / f"{name}.yaml"
     if out.exists():
         raise UsageError(f"`{out}` exists already", code="DXB-U191", hint="`-o FILE` writes to another file")
     parts = [
@@ -52,7 +53,8 @@ def run(args: argparse.Namespace) -> int:
     print(project.shown(out.absolute()))
     for line in (*_told(project, name, out, copied), *text.told()):
         print(f"  {line}", file=sys.stderr)
-    print(f"  check every marked guess, then: dxb build robot/{name}, dxb view robot/{name}", file=sys.stderr)
+    recipe = f"robot/{out.stem if out.absolute().parent == own else name}"
+    print(f"  check every marked guess, then: dxb build {recipe}, dxb view {recipe}", file=sys.stderr)
     return 0
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -31,7 +32,7 @@ def put(folder: Path, files: dict[str, bytes]) -> Path:
     return folder
 
 
-def written(space: Space, name: str) -> dict:
+def written(space: Space, name: str) -> dict[str, Any]:
     """The node of a recipe."""
     text = (space.root / "recipes" / "robot" / f"{name}.yaml").read_text()
     return strict_yaml.parse(text, name).plain()
@@ -115,6 +116,7 @@ def test_a_recipe_that_hides_one_of_dxbs_is_said(space):
     other = space.dxb("new", "robot", "robots/arm_description/urdf/panda.urdf", "-o", "recipes/robot/my_panda.yaml")
     assert other.code == 0
     assert "takes the place" not in other.err
+    assert "dxb build robot/my_panda, dxb view robot/my_panda" in other.err
 
 
 def test_an_arm_and_a_hand_of_two_files_become_one_robot(space, tmp_path):
