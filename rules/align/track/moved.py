@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 from pydantic import PositiveFloat
 
@@ -19,6 +21,8 @@ _COLUMNS = (
     Column(name="turned", unit="deg", digits=1),
     Column(name="state"),
 )
+_Row: TypeAlias = tuple[str, float | None, float | None, str]
+"""Name, distance [mm], angle [deg] and state."""
 _SIGMAS = 3.0
 """Standard deviations below which a motion is chance."""
 
@@ -53,10 +57,10 @@ def moved(
     options = options or MovedOptions()
     shift, angle = _motion(support.camera_pose.matrix, camera.matrix)
     still = shift < options.least_m and angle < options.camera_deg
-    rows = [("camera", 1000 * shift, angle, "stayed" if still else "moved")]
+    rows: list[_Row] = [("camera", 1000 * shift, angle, "stayed" if still else "moved")]
     rows += [(name, *_object(track, options)) for name, track in tracking.tracks.items()]
-    ctx.metric("camera moved", rows[0][1], "mm")
-    ctx.metric("camera turned", rows[0][2], "deg")
+    ctx.metric("camera moved", 1000 * shift, "mm")
+    ctx.metric("camera turned", angle, "deg")
     ctx.metric("moved", float(sum(row[3] == "moved" for row in rows[1:])), "objects")
     ctx.metric("not found", float(sum(row[3] == "not found" for row in rows[1:])), "objects")
     ctx.say(_sentence(rows))
@@ -81,7 +85,7 @@ def _motion(old: np.ndarray, new: np.ndarray) -> tuple[float, float]:
     return float(np.linalg.norm(new[:3, 3] - old[:3, 3])), float(np.degrees(transforms.angle(turn)))
 
 
-def _sentence(rows: list[tuple[str, float | None, float | None, str]]) -> str:
+def _sentence(rows: list[_Row]) -> str:
     def told(name: str, far: float | None, angle: float | None, state: str) -> str:
         return f"{name} moved {far:.1f} mm, {angle:.1f} deg" if state == "moved" else f"{name} {state}"
 
