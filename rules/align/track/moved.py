@@ -22,6 +22,7 @@ _COLUMNS = (
     Column(name="state"),
 )
 _Row: TypeAlias = tuple[str, float | None, float | None, str]
+"""Name, distance [mm], angle [deg] and state."""
 _SIGMAS = 3.0
 """Standard deviations below which a motion is chance."""
 
