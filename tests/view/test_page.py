@@ -107,7 +107,7 @@ def test_a_photograph_is_shown_in_its_own_colours(tmp_path: Path) -> None:
         seen = asyncio.run(use())
     finally:
         server.stop(running)
-    np.testing.assert_allclose(seen[:3], colour, atol=6)
+    np.testing.assert_allclose(seen[:3], colour, atol=2)
 
 
 def test_the_served_page_has_the_script_and_other_files_stay() -> None:

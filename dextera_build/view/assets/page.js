@@ -13,7 +13,12 @@
       [].concat(part.material || []).forEach((material) => {
         if (!material.emissiveMap || !material.toneMapped) return;
         material.toneMapped = false;
-        material.envMapIntensity = 0;
+        // A black surface still reflects the lamps a little.
+        material.onBeforeCompile = (shader) => {
+          const end = "#include <opaque_fragment>";
+          shader.fragmentShader = shader.fragmentShader.replace(end, `outgoingLight = totalEmissiveRadiance;\n${end}`);
+        };
+        material.customProgramCacheKey = () => "dxb plain";
         material.needsUpdate = changed = true;
       });
     });
