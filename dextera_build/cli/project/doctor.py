@@ -94,10 +94,10 @@ def _extras(project: Project) -> Iterator[Finding]:
                 lacks = lacks_of(found, backend, project.machine)
                 absent = any(package in lacks for package in backend.facts.packages)
                 lacking.setdefault(backend.facts.extra, []).append(absent)
-    for extra, absent in sorted(lacking.items()):
-        told = f"{sum(absent)} of {wording.count(len(absent), 'backend')} lack packages of it"
-        fine = not any(absent)
-        yield f"extra {extra}", fine, wording.count(len(absent), "backend") if fine else told, install_extra(extra)
+    for extra, without in sorted(lacking.items()):
+        needed, fine = wording.count(len(without), "backend"), not any(without)
+        told = needed if fine else f"{sum(without)} of {needed} lack packages of it"
+        yield f"extra {extra}", fine, told, install_extra(extra)
 
 
 def _named(project: Project, text: str) -> tuple[str, str]:
