@@ -7,6 +7,7 @@ ignore these descriptions [ros2/rmw_cyclonedds #535].
 
 from __future__ import annotations
 
+import ctypes
 import os
 import threading
 import time
@@ -68,6 +69,8 @@ class Dds:
         try:
             if domain not in _DOMAINS:
                 _DOMAINS[domain] = self._api.domain(domain, settings)
+                # Python would delete it at its end, when Cyclone DDS may wait for its own threads for ever.
+                ctypes.pythonapi.Py_IncRef(ctypes.py_object(_DOMAINS[domain]))
             self._participant = self._api.participant(domain)
         except self._api.error as error:
             raise MachineError(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -165,3 +167,19 @@ def test_a_node_of_ros_2_is_heard_and_hears(tmp_path: Path) -> None:
     assert [list("abc"), [0.2, 0.3, 0.4], 50_000_000] in got["trajectories"]
     assert [1.0, 2.0, 3.0] in got["numbers"]
     assert got["late"] == 0
+
+
+def test_the_end_of_python_does_not_wait_for_cyclone_dds() -> None:
+    """Its domain is never deleted: deletion waits for threads of Cyclone DDS, now and then for ever."""
+    pytest.importorskip("cyclonedds", reason="needs cyclonedds (extra `ros`)")
+    text = """
+import os
+from cyclonedds import core
+from dextera_build.deploying import dds
+core.Entity.__del__ = lambda self, write=os.write: write(1, type(self).__name__.encode() + b" ")
+dds.Dds(domain=77).close()
+dds._DOMAINS.clear()  # as Python clears modules at its end
+"""
+    ended = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60, check=True)
+    assert "DomainParticipant" in ended.stdout
+    assert "Domain" not in ended.stdout.split()
