@@ -208,11 +208,8 @@ class CallMaker:
             return None
         group = given.get(name)
         if group is not None and not isinstance(group.value, dict):
-            raise RecipeError(
-                f"`{name}` of `{decl.rule}` is a mapping of options, this is {group.kind}",
-                code="DXB-R109",
-                where=group.place,
-            )
+            text = f"`{name}` of `{decl.rule}` is a mapping of options, this is {group.kind}"
+            raise RecipeError(text, code="DXB-R109", where=group.place)
         return checked(decl, kind, group or Node({}, decl.place), name, ".".join(address))
 
     def _rule_facts(self, found: RuleFile, choice: Choice | None, named: Mapping[str, Companion]) -> RuleFacts:

@@ -61,7 +61,7 @@ def script(server: Any = None, *, moves: bool = False) -> str:
     controls = [] if server is None else noted(server)
     # `</` would end the element.
     data = json.dumps(controls, ensure_ascii=False, separators=(",", ":")).replace("</", "<\\/")
-    return f"<script>window.__DXB_CONTROLS__={data};window.__DXB_MOVES__={json.dumps(moves)};\n{code}</script>"
+    return f"<script>window.dxbControls={data};window.dxbMoves={json.dumps(moves)};\n{code}</script>"
 
 
 def inserted(page: str, element: str) -> str:

@@ -11,6 +11,7 @@ import pytest
 from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.cli import built
 from dextera_build.cli.look import shown
 from dextera_build.errors import RuleError, UsageError
 from tests import episodes, factories, series
@@ -79,10 +80,10 @@ def test_a_task_recipe_shows_its_task_and_not_the_scene_that_it_reads(
     session: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     nodes = {kind: [f"twin/desk:{kind.lower()}"] for kind in (*shown.PARTS, "Asset")}
-    monkeypatch.setattr(shown, "_by_type", lambda _: {**nodes, "TaskBundle": ["task/other:task", "task"]})
+    monkeypatch.setattr(built, "by_type", lambda _: {**nodes, "TaskBundle": ["task/other:task", "task"]})
     session.artifacts["task"] = episodes.bundle()
     assert shown.of(session, "").__qualname__.startswith("_task.")
-    monkeypatch.setattr(shown, "_by_type", lambda _: {"Capture": ["twin/desk:capture"]})
+    monkeypatch.setattr(built, "by_type", lambda _: {"Capture": ["twin/desk:capture"]})
     with pytest.raises(UsageError, match="no scene to show yet") as caught:
         shown.of(session, "")
     assert caught.value.facts == {"missing": "Background, Support"}

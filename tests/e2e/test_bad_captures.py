@@ -144,5 +144,8 @@ def test_a_bad_capture_is_refused_and_the_next_build_goes_on(space, harm, words)
 def test_a_missing_folder_is_named(space):
     answer = space.dxb("build", "twin/tabletop:objects", "--input", "capture=nowhere")
     assert answer.code == 2
-    assert "error[DXB-R301]: `nowhere` is neither a file nor a recipe\n  --> the command line\n" in answer.err
+    assert (
+        "error[DXB-R301]: `nowhere` is neither a file nor a recipe\n  --> the command line: --input capture=nowhere\n"
+        in answer.err
+    )
     assert f"looked for: {space.root / 'nowhere'}" in answer.err

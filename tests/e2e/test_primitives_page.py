@@ -77,7 +77,7 @@ def test_adding_and_editing_a_primitive_makes_its_own_nodes_stale_alone(space: S
     # A folder of the same name takes the place of one that comes with dxb, also if it appears later.
     space.write("rules/primitives/pick_and_place/primitive.py", blocks("python")[0])
     space.write("rules/primitives/pick_and_place/script.py", blocks("python")[1])
-    with pytest.raises(RecipeError, match=r"`pick_and_place\.into` of"):
+    with pytest.raises(RecipeError, match=r"needs the option `pick_and_place\.into`"):
         planned(space, "task/ob/stack_bowls")
     assert str(space.root / "rules/primitives/pick_and_place") in _looked_at(space)
 
@@ -96,7 +96,7 @@ def _looked_at(space: Space) -> set[str]:
         ("pour: {into: basket}", "pour: {into: basket, tilt: 9}", "has no option `tilt`", "did you mean `tilt_deg`?"),
         ("pour: {into: basket}", "pour: basket", "`pour` of `simulate.task` is a mapping of options", ""),
         ("primitive: pour", "primitive: puor", "no primitive is called `puor`", "did you mean `pour`?"),
-        ("    pour: {into: basket}\n", "", "`pour.into` of `simulate.task`", ""),
+        ("    pour: {into: basket}\n", "", "`simulate.task` needs the option `pour.into`", ""),
     ],
 )
 def test_what_does_not_fit_is_one_clear_error(space: Space, old: str, new: str, message: str, hint: str) -> None:

@@ -25,6 +25,12 @@ ALIKE = [
 """Recipes of one pair, written alike, which `dataset/all` and `policy/all` resolve as parts."""
 INPUTS = {
     "twin/from_photo": {"photo": "reference/laptop_scene:capture"},
+    "twin/seen_again": {
+        "photo": "reference/laptop_scene:capture",
+        "now": "reference/box_table:capture",
+        "support": "twin/laptop_scene:ground",
+        "assets": "twin/laptop_scene:body.asset",
+    },
     "task/line": {name: f"task/close_laptop:{name}" for name in ("task", "reference", "view", "cell")},
     "task/taught": {"task": "task/lift_blue_mug:task"},
     "task/on_laptop_scene": {"task": "task/close_laptop:task"},

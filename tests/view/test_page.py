@@ -48,7 +48,7 @@ def test_a_page_has_the_controls_of_its_viewer_and_no_name_ends_the_script(tmp_p
     made = panel.script(viewer)
     assert made.count("</script>") == 1
     assert panel.noted(Viewer()) == []
-    assert "__DXB_CONTROLS__=[]" in panel.script()
+    assert "dxbControls=[]" in panel.script()
     assert panel.inserted("<head>a</head>b", "<i>") == "<head>a<i></head>b"
 
 
@@ -122,7 +122,7 @@ def test_the_served_page_has_the_script_and_other_files_stay() -> None:
     request = SimpleNamespace(headers={"Host": "127.0.0.1:8080"})
     guard = Guard("127.0.0.1")
     page = guard.check(lambda *_: answer("text/html"), None, request)
-    assert b"__DXB_CONTROLS__" in page.body
+    assert b"dxbControls" in page.body
     assert page.headers["Content-Length"] == str(len(page.body))
     other = guard.check(lambda *_: answer("image/png"), None, request)
     assert other.body == b"<html><head></head></html>"

@@ -50,8 +50,8 @@ def _meaning(code: str) -> str:
         hint = "codes are `DXB-`, a letter and three digits, as in `DXB-R104`"
         raise UsageError(f"there is no error `{code}`", code="DXB-U196", hint=hint)
     kind = error_codes.family(code[4])
-    lines = [f"{code}: {(kind.__doc__ or '').partition(chr(10))[0]}"]
     room = min(shutil.get_terminal_size((_WIDEST, 24)).columns, _WIDEST) - 1
+    lines = textwrap.wrap(f"{code}: {(kind.__doc__ or '').partition(chr(10))[0]}", room)
     about = error_codes.section(code)
     for part in about:
         lines += ["", *(_example(part, room) if part.startswith("```") else textwrap.wrap(part, room))]

@@ -1,7 +1,7 @@
 "use strict";
 // What dxb adds to a page of viser: photographs without tone mapping, and in a saved page the panel of the scene.
 (() => {
-  const controls = window.__DXB_CONTROLS__ || [];
+  const controls = window.dxbControls || [];
   const viewer = () => window.__viserMutable;
 
   // Textures that glow hold the light of the photograph already: they are shown as they are.
@@ -116,5 +116,5 @@
   const start = () => (viewer() ? panel() : setTimeout(start, 200));
   start();
   // A recording that begins anew shows everything again.
-  if (window.__DXB_MOVES__) setInterval(() => changes.forEach(send), 500);
+  if (window.dxbMoves) setInterval(() => changes.forEach(send), 500);
 })();
