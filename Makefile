@@ -34,10 +34,10 @@ demo: setup ## Build twin/laptop_scene and write its report
 	$(BIN)/dxb build twin/laptop_scene
 	$(BIN)/dxb report
 
-test: setup ## Run the quick tests, those of less than two seconds each
+test: setup ## Run the quick tests, those of at most a second or so
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow and not medium' $(ARGS)
 
-test-medium: setup ## Run the tests of two to four seconds, as CI does with the quick ones
+test-medium: setup ## Run the tests of one to four seconds, as CI does with the quick ones
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m medium $(ARGS)
 
 test-gpu: setup ## Run the tests of training on a GPU, which are skipped without one

@@ -110,6 +110,7 @@ def test_the_reference_has_every_verb(reference):
     assert [verb for verb in grammar.VERBS if f"## dxb {verb}\n" not in page] == []
 
 
+@pytest.mark.medium
 def test_every_rule_has_a_page_of_its_own_with_every_option(reference):
     overview, pages = reference.MAKERS["rules"](), reference.rules.pages()
     for found in Library().rules():

@@ -138,6 +138,7 @@ def test_files_are_short():
     assert statistics.median(lines[name(path)] for path in SOURCES if path.name != "__init__.py") <= MEDIAN_FILE_LINES
 
 
+@pytest.mark.medium
 def test_functions_are_short():
     lengths = {place: length for path in SOURCES for place, length in facts(path).functions.items()}
     assert {place: count for place, count in lengths.items() if count > FUNCTION_LINES} == {}
@@ -188,6 +189,7 @@ def loaded(path: Path) -> Iterator[Path]:
             yield from [base.with_suffix(".py")] if node.module and base.with_suffix(".py").is_file() else []
 
 
+@pytest.mark.medium
 def test_rules_and_their_folders_import_in_no_circle():
     files = {path: set(loaded(path)) for path in RULES}
     folders: dict[Path, set[Path]] = {}

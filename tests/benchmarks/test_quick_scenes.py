@@ -8,6 +8,7 @@ import pytest
 from tests.benchmarks import household, quick_scenes
 
 
+@pytest.mark.medium
 def test_things_stand_on_the_table_and_within_it() -> None:
     half = np.array([0.6, 0.4])
     for seed in range(8):
@@ -30,6 +31,7 @@ def test_a_vessel_holds_what_fits_into_it() -> None:
         assert max(x, y) < np.linalg.norm(points[:, :2], axis=1).max()
 
 
+@pytest.mark.medium
 def test_a_picture_shows_every_pixel_of_its_things_and_is_the_same_again() -> None:
     shots = []
     for _ in range(2):

@@ -149,6 +149,7 @@ def names(table: bind.Table) -> dict[str, str]:
 LEFT = Binding((14, 20))
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("draft", [LEFT, Binding(properties={"phrase": "mug"})], ids=["point", "phrase"])
 def test_a_proposer_that_renames_breaks_no_task(project, draft):
     assert names(bind.Naming(project, "task/lift").bind("cup", draft)) == {"mug": "cup", "bowl": "bowl"}
@@ -162,6 +163,7 @@ def test_a_proposer_that_renames_breaks_no_task(project, draft):
     assert again.nodes["task"].output == first.nodes["task"].output
 
 
+@pytest.mark.medium
 def test_a_phrase_of_the_recipe_becomes_a_point(project):
     edit(project, "names: {}", "names: {cup: {phrase: mug}}")
     table = bind.Naming(project, "twin/desk").bind()
@@ -175,6 +177,7 @@ def test_a_phrase_of_the_recipe_becomes_a_point(project):
     assert names(bind.Naming(project, "twin/desk").bind()) == {"beaker": "beaker", "mug": "cup"}
 
 
+@pytest.mark.medium
 def test_on_a_new_photograph_a_phrase_decides_and_a_point_is_refused(project):
     naming = bind.Naming(project, "twin/desk")
     naming.bind("cup", Binding(properties={"phrase": "mug"}))
@@ -200,6 +203,7 @@ def test_a_point_of_another_view_is_refused(project):
     assert caught.value.code == "DXB-U210"
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("name", "draft", "message"),
     [
@@ -243,6 +247,7 @@ def test_a_name_is_removed_also_when_its_recipe_is_gone(project):
     assert naming.names() == {}
 
 
+@pytest.mark.medium
 def test_the_command_prints_every_object_and_says_what_is_wrong(project):
     space = Space(project.root)
     answer = space.dxb("bind", "task/lift", "cup", "--at", "14,20")

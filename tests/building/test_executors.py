@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from tests.e2e.space import Space
 
 RULE = '''
@@ -35,6 +37,7 @@ HOSTILE = {
 }
 
 
+@pytest.mark.medium
 def test_results_do_not_depend_on_the_environment_of_a_build(tmp_path: Path) -> None:
     space = Space(tmp_path)
     space.write("dxb.toml", 'cache = "cache"\n')

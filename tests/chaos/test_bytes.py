@@ -56,6 +56,7 @@ def replace(path: Path, data: bytes) -> None:
     path.write_bytes(data)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("step", STEPS)
 def test_damage_at_any_byte_of_a_store_costs_a_rebuild_at_most(tmp_path: Path, step: int) -> None:
     """Promise: no damaged byte of the store reaches a result, and none stops a build."""

@@ -100,6 +100,7 @@ def kill_and_recover(folder: Path, name: str, clean: Clean, count: int = 1) -> N
     assert_recovers(space, WHERE[name], clean)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("name", QUICK)
 def test_the_next_build_after_a_kill_is_as_a_clean_one(name: str, tmp_path: Path, clean: Clean) -> None:
     """Promise: kill -9 at the steps that publish a result costs no more than what was not published."""

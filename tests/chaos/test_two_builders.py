@@ -8,6 +8,8 @@ import sys
 from collections import Counter
 from pathlib import Path
 
+import pytest
+
 _SCRIPT = """
 import sys
 from pathlib import Path
@@ -30,6 +32,7 @@ sys.exit(not result.ok)
 """
 
 
+@pytest.mark.medium
 def test_each_node_runs_once_across_processes(tmp_path: Path) -> None:
     root = Path(__file__).parents[2]
     trace = tmp_path / "trace"

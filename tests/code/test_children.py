@@ -65,6 +65,7 @@ def answers(space: Space) -> list[str]:
     return [(space.root / f"cache/out/g/{way}/{way}").read_text() for way in WAYS]
 
 
+@pytest.mark.medium
 def test_byte_code_of_the_same_size_and_time_is_not_run(space: Space) -> None:
     work = space.root / "src/labs_of_children/work.py"
     py_compile.compile(str(work))
@@ -76,6 +77,7 @@ def test_byte_code_of_the_same_size_and_time_is_not_run(space: Space) -> None:
     assert answers(space) == ["5", "5", "5"]
 
 
+@pytest.mark.medium
 def test_code_that_is_edited_while_the_build_runs_is_not_run(space: Space) -> None:
     space.write("wait", "")
     building = space.start("build", "g", "--console", "none")

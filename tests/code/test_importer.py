@@ -115,6 +115,7 @@ def test_a_worker_runs_what_was_digested(project):
     assert "DXB" not in run(project, sources(project))
 
 
+@pytest.mark.medium
 def test_a_worker_refuses_a_package_of_another_version(project):
     here = {"numpy": numpy.__version__}
     assert run(project, sources(project), packages=here) == run(project, sources(project))
@@ -223,6 +224,7 @@ def test_a_file_that_makes_a_package_of_a_stage_is_refused(project):
     assert run(project, known).startswith("DXB-B315")
 
 
+@pytest.mark.medium
 def test_a_build_runs_the_code_that_it_began_with(project):
     space = Space(project)
     space.write("dxb.toml", 'cache = "cache"\n')

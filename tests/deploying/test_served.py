@@ -48,6 +48,7 @@ def moved(rig: Rig, policy: Policy) -> list[np.ndarray]:
     return sent
 
 
+@pytest.mark.medium
 def test_a_served_policy_drives_as_the_local_one() -> None:
     here, there = Rig(), Rig()
     local = moved(here, policies.load(CHECKPOINT, here.bundle))

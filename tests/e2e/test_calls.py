@@ -217,6 +217,7 @@ def test_a_kill_before_the_record_costs_one_more_call(asking: Space, service: Se
     assert result(asking) == b"a red mug"
 
 
+@pytest.mark.medium
 def test_two_builds_with_one_request_ask_once(asking: Space, service: Service) -> None:
     service.faults = ["500", "500"]
     text = (asking.root / "rules/toy/describe.py").read_text()

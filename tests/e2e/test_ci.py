@@ -66,6 +66,7 @@ def test_the_store_does_not_grow_from_job_to_job(space: Space, programs: Path) -
     assert space.dxb("plan", "say/words", "--check", env={"DXB_CACHE": "one"}).code == 0
 
 
+@pytest.mark.medium
 def test_a_missed_bound_fails_the_job(space: Space, programs: Path) -> None:
     space.write("rules/toy/sized.py", SIZED.lstrip())
     space.write("recipes/say/words.yaml", RECIPE + BOUNDS % 5)

@@ -49,6 +49,7 @@ def built(space: Space) -> Space:
     return space
 
 
+@pytest.mark.medium
 def test_verbs_flags_and_values(space: Space) -> None:
     assert by_bash(space, "dxb bui") == ["build"]
     assert "--keep-going" in by_bash(space, "dxb build --k")
@@ -59,6 +60,7 @@ def test_verbs_flags_and_values(space: Space) -> None:
     assert by_bash(space, "dxb cache ver") == ["verify"]
 
 
+@pytest.mark.medium
 def test_rules_and_backends(space: Space) -> None:
     assert by_bash(space, "dxb help toy.sh") == ["toy.shout"]
     assert by_bash(space, "dxb build --backend factorize.mes") == ["factorize.mesh="]
@@ -113,6 +115,7 @@ def test_a_node_that_went_is_no_longer_offered(built: Space) -> None:
     assert by_bash(built, "dxb build say/words:al") == []
 
 
+@pytest.mark.medium
 def test_settings_say_which_store_is_asked(built: Space) -> None:
     assert by_bash(built, "dxb why 'say/words:word[one].loude") == ["say/words:word[one].louder"]
     built.write("dxb.local.toml", 'cache = "other"\n')

@@ -78,6 +78,7 @@ def test_without_a_terminal_it_is_an_error_with_the_next_step(looking: Space) ->
     assert looking.dxb("build", "say/look:one").code == 0
 
 
+@pytest.mark.medium
 def test_a_yes_on_the_terminal_goes_on_and_is_remembered(looking: Space) -> None:
     code, shown = on_terminal(looking, "build", "-k", "say/look", answers=["y", "always"])
     assert code == 0, shown

@@ -102,6 +102,7 @@ def test_an_edited_scene_rebuilds_what_was_edited(space):
     assert of_bodies(answer.nodes("cached")) >= {"body[tea].mesh", "body[blue_box].mesh", "body[blue_box].physics"}
 
 
+@pytest.mark.medium
 def test_a_file_that_is_there_is_never_written_over(unbuilt):
     unbuilt.write("scene.yaml", "elements: [{name: mine}]\n")
     answer = unbuilt.dxb("new", "scene", "twin/tabletop", *CAPTURE)

@@ -141,6 +141,7 @@ def test_files_that_come_and_go(robot: Space) -> None:
     assert "`robots/link.txt`" in answer.err
 
 
+@pytest.mark.medium
 def test_another_checkout_fetches_it(robot: Space) -> None:
     share = robot.root / "share"
     assert robot.dxb("cache", "push", "robot", "--to", str(share)).code == 0

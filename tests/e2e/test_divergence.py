@@ -92,6 +92,7 @@ def test_what_is_no_number_is_exact_whatever_the_tolerance(dice):
     assert "word      another form or value, 10 allowed" in answer.err
 
 
+@pytest.mark.medium
 def test_a_tolerance_holds_for_all_fields_inside_and_an_infinite_one_compares_nothing(dice):
     space = dice(', tolerance=Tolerance({"": 0.5, "numbers": math.inf, "word": math.inf})')
     space.write("shake.txt", "6")
@@ -155,6 +156,7 @@ def product(ctx: Context) -> Numbers:
     assert f"apart, {tolerance} allowed" in answer.out + answer.err
 
 
+@pytest.mark.medium
 def test_a_forced_node_keeps_its_first_output_and_says_so(dice):
     space = dice()
     first = json.loads(space.dxb("show", "--json", "say/dice:d").out)["output"]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from tests.e2e.space import Space
 
 PROBE = """
@@ -27,6 +29,7 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
+@pytest.mark.medium
 def test_a_stamp_is_written_when_its_files_are_on_the_disk(space: Space) -> None:
     """In one process, to see the moment."""
     space.write("probe.py", PROBE)
@@ -37,6 +40,7 @@ def test_a_stamp_is_written_when_its_files_are_on_the_disk(space: Space) -> None
     assert "settled" not in again.err  # nothing was written
 
 
+@pytest.mark.medium
 def test_it_can_be_switched_off(space: Space) -> None:
     space.write("probe.py", PROBE)
     probed = space.python("probe.py", "build", "say/words", "--console", "none", env={"DXB_DURABLE": "0"})
@@ -44,6 +48,7 @@ def test_it_can_be_switched_off(space: Space) -> None:
     assert "settled" not in probed.err
 
 
+@pytest.mark.medium
 def test_lost_stamps_and_local_state_cost_a_look(space: Space) -> None:
     first = space.dxb("build", "say/words")
     for how in (None, lambda data: data[: len(data) // 2], lambda data: bytes(len(data))):

@@ -62,6 +62,7 @@ def test_check_compares_what_is_built_with_its_bounds(bounded: Space) -> None:
     assert (first["node"], first["value"], first["interval"], first["ok"]) == ("word[one].sized", 3.0, [2.0, 4.0], True)
 
 
+@pytest.mark.medium
 def test_a_missed_bound_fails_the_check_alone(bounded: Space) -> None:
     assert bounded.dxb("build", "say/sized").code == 0
     bounded.write("recipes/say/sized.yaml", RECIPE + BOUNDS % 5)

@@ -123,6 +123,7 @@ def test_a_dead_or_faulty_worker_fails_its_node_alone(space, do, code, text, las
     assert again.nodes("ran") == {"bad", "after"}
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_ctrl_c_keeps_what_is_done(space, number, code):
     space.write("recipes/say/bad.yaml", RECIPE.replace("seconds: 0.3", "seconds: 60") % "work")

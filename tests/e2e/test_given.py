@@ -44,6 +44,7 @@ def here(counts: Space, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
 FIVE = ("--set", "a0.add=5")
 
 
+@pytest.mark.medium
 def test_get_show_and_report_answer_for_the_recipe_as_it_is(here: Here, counts: Space) -> None:
     assert here("build", "g:a0")[0] == 0
     assert here("build", "g:a0", *FIVE)[0] == 0
@@ -68,6 +69,7 @@ def test_what_was_never_built_as_it_is_is_given_as_it_was_built_last(here: Here)
     assert Project.find().get("g:a0").data == b"8"
 
 
+@pytest.mark.medium
 def test_a_failed_build_changes_nothing_that_is_given(here: Here, counts: Space) -> None:
     counts.edit("rules/toy/mul.py", "    return", '    ctx.check(options.add < 9, "too much")\n    return')
     counts.write("recipes/g.yaml", CHAIN)
@@ -87,6 +89,7 @@ def test_a_failed_build_changes_nothing_that_is_given(here: Here, counts: Space)
     assert (here.got(), here.got(node="g:a1")) == (b"6", b"20")
 
 
+@pytest.mark.medium
 def test_a_stub_build_changes_nothing_that_is_given_and_is_marked(here: Here, counts: Space) -> None:
     for name, text in SAID.items():
         counts.write(f"rules/toy/{name}.py", text.lstrip())

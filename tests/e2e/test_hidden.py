@@ -56,6 +56,7 @@ def whispering(space: Space, monkeypatch: pytest.MonkeyPatch) -> Space:
     return space
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("how", "code"),
     [
@@ -111,6 +112,7 @@ def gossip(ctx: Context, *, options: GossipOptions) -> File:
 '''
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("how", ["return", "raise"])
 def test_secrets_of_dxb_reach_neither_a_log_nor_a_result(space: Space, how: str) -> None:
     space.write("rules/toy/gossip.py", GOSSIP.lstrip())

@@ -80,6 +80,7 @@ def test_a_helper_that_changes_no_bytes_stops_at_once(built):
     assert built.build("say/words").nodes("ran") == EVERY - {"start", "words", "all"}
 
 
+@pytest.mark.medium
 def test_a_file_is_an_input_by_content(space):
     space.write("note.txt", "one two")
     space.write("recipes/say/note.yaml", "inputs: {note: note.txt}\nnodes:\n  w: {rule: toy.split, text: $note}\n")
@@ -92,6 +93,7 @@ def test_a_file_is_an_input_by_content(space):
     assert space.build("say/note").nodes("cached") == {"w"}
 
 
+@pytest.mark.medium
 def test_a_deleted_output_file_is_written_again(built):
     out = built.root / built.dxb("build", "say/words").out.strip().partition("\t")[2]
     out.unlink()
@@ -120,6 +122,7 @@ def test_an_output_file_that_was_changed_is_written_again_and_the_change_is_kept
     assert (built.root / "cache/out/say/words/all~3/all").read_bytes() == b"mine, too"
 
 
+@pytest.mark.medium
 def test_a_new_time_alone_is_no_change_of_an_output_file(built):
     out = built.root / built.dxb("build", "say/words").out.strip().partition("\t")[2]
     os.utime(out, (1, 1))
@@ -153,6 +156,7 @@ def test_a_build_that_runs_nothing_keeps_to_its_console(built):
     assert built.dxb("build", "--console", "none", "say/words").err == ""
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("verb", ["plan", "build"])
 def test_a_check_says_in_a_line_each_what_is_stale_and_why(built, verb):
     assert built.dxb(verb, "--check", "say/words").code == 0

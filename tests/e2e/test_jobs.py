@@ -83,6 +83,7 @@ def result(space: Space) -> bytes:
     return (space.root / "cache/out/say/forge/made/made").read_bytes()
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("edited", [False, True])
 def test_a_build_after_a_kill_waits_for_the_same_job(forging: Space, service: JobService, edited: bool) -> None:
     end_while_polling(forging, service, signal.SIGKILL)
@@ -98,6 +99,7 @@ def test_a_build_after_a_kill_waits_for_the_same_job(forging: Space, service: Jo
     assert [path for path in keep.rglob("*") if path.is_file()] == []
 
 
+@pytest.mark.medium
 def test_ctrl_c_cancels_the_job(forging: Space, service: JobService) -> None:
     end_while_polling(forging, service, signal.SIGINT)
     assert service.cancelled == ["job-1"]
@@ -115,6 +117,7 @@ def test_an_answer_is_replayed_without_the_service(forging: Space, service: JobS
     assert len(service.seen) == seen
 
 
+@pytest.mark.medium
 def test_a_slow_service_has_the_time_to_cancel(forging: Space, service: JobService) -> None:
     service.faults = {"DELETE": ["slow"]}  # longer than a worker without a job gets
     end_while_polling(forging, service, signal.SIGINT)

@@ -86,6 +86,7 @@ def wait_for_start(space: Space) -> None:
     assert kept(space)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(("first", "code"), [("kill", "B301"), ("fail", "B201")])
 def test_a_call_whose_worker_was_killed_or_that_failed_goes_on(training, first, code):
     training.write("recipes/say/train.yaml", RECIPE % first)
@@ -95,6 +96,7 @@ def test_a_call_whose_worker_was_killed_or_that_failed_goes_on(training, first, 
     assert_goes_on(training)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_a_build_that_was_ended_goes_on(training, how):
     training.write("recipes/say/train.yaml", RECIPE % "wait")
@@ -128,6 +130,7 @@ def test_force_begins_anew(training):
     assert_goes_on(training)
 
 
+@pytest.mark.medium
 def test_check_of_a_node_has_a_fresh_folder(training):
     training.write("recipes/say/train.yaml", RECIPE % "fail")
     assert training.build("say/train").code == 1

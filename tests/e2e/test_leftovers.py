@@ -68,11 +68,13 @@ def start(space: Space, *words: str) -> tuple[subprocess.Popen[str], Path]:
                 return process, folder
 
 
+@pytest.mark.medium
 def test_a_build_that_ends_leaves_no_temporary_file(untidy: Space) -> None:
     answer = untidy.dxb("build", "g", env={"TMPDIR": str(untidy.root / "tmp")})
     assert (answer.code, left(untidy)) == (0, []), answer.err
 
 
+@pytest.mark.medium
 def test_what_a_killed_build_left_goes_with_the_next_and_what_runs_stays(untidy: Space) -> None:
     killed, first = start(untidy, "build", "g")
     killed.kill()
@@ -88,6 +90,7 @@ def test_what_a_killed_build_left_goes_with_the_next_and_what_runs_stays(untidy:
     assert left(untidy) == []
 
 
+@pytest.mark.medium
 def test_a_killed_watch_leaves_no_more(untidy: Space) -> None:
     watch, folder = start(untidy, "watch", "g")
     child = Path(f"/proc/{watch.pid}/task/{watch.pid}/children").read_text().split()[0]

@@ -76,6 +76,7 @@ def content(folder: Path) -> dict[str, str]:
     return {path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
+@pytest.mark.medium
 def test_the_same_assets_give_the_same_files(built, tmp_path):
     for name in ("a", "b", "a"):
         assert built.dxb("library", "-o", str(tmp_path / name)).code == 0

@@ -163,6 +163,7 @@ def test_what_was_never_built_says_how(space):
     assert "hint: `dxb build 'say/words:all'`" in answer.err
 
 
+@pytest.mark.medium
 def test_what_the_store_lacks_says_what_to_do(seen):
     keys = {name: node["key"] for name, node in by_name(lineage(seen, "say/seen:said")).items() if "key" in node}
     (seen.root / "cache" / "ac" / keys["words"][:2] / keys["words"][2:]).unlink()

@@ -39,6 +39,7 @@ def test_key_output_and_size_are_those_of_the_target(locked):
     assert pin.size == len(header) + len(b"ONE!!! TWO!!!")
 
 
+@pytest.mark.medium
 def test_a_locked_build_of_the_same_is_done_also_by_an_empty_store(locked):
     assert locked.dxb("build", "--locked", "say/words").code == 0
     again = locked.dxb("build", "--locked", "say/words")
@@ -55,6 +56,7 @@ def test_the_file_is_not_written_where_nothing_changed(locked):
     assert (before.st_mtime_ns, before.st_ino) == (after.st_mtime_ns, after.st_ino)
 
 
+@pytest.mark.medium
 def test_an_option_upstream_is_named_when_the_target_is_known_to_differ(locked):
     locked.edit("recipes/say/words.yaml", "text: one two", "text: three")
     answer = locked.dxb("build", "--locked", "say/words")
@@ -175,6 +177,7 @@ def test_what_is_added_to_a_recipe_is_not_pinned(locked):
     assert (answer.code, "DXB-U160" in answer.err) == (2, True)
 
 
+@pytest.mark.medium
 def test_a_build_of_given_inputs_is_pinned_with_lock_alone(space):
     space.write(
         "recipes/say/note.yaml", "inputs: {note: {help: a text}}\nnodes:\n  w: {rule: toy.split, text: $note}\n"

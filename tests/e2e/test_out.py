@@ -59,6 +59,7 @@ def test_equal_builds_at_once_after_an_edit_succeed(counts: Space) -> None:
     assert not list(counts.root.glob("cache/out/**/*~*"))
 
 
+@pytest.mark.medium
 def test_builds_at_once_of_other_targets_both_stay_in_the_history(counts: Space) -> None:
     running = [counts.start("build", f"g:a{number}", "--console", "none") for number in range(4)]
     for process in running:
@@ -68,6 +69,7 @@ def test_builds_at_once_of_other_targets_both_stay_in_the_history(counts: Space)
         assert counts.dxb("get", f"g:a{number}", "-o", "got").code == 0
 
 
+@pytest.mark.medium
 def test_another_request_lies_beside_the_recipes_own(counts: Space) -> None:
     own = counts.dxb("build", "g:a0")
     other = counts.dxb("build", "g:a0", "--set", "a0.add=5")
@@ -136,6 +138,7 @@ def test_a_folder_is_placed_as_it_is(counts: Space) -> None:
     assert (folder / ".digest").read_bytes() == b"mine"
 
 
+@pytest.mark.medium
 def test_copies_of_an_earlier_capture_do_not_stay(space: Space) -> None:
     assert space.dxb("build", "say/words:word.loud").code == 0
     out = space.root / "cache/out/say/words"
@@ -156,6 +159,7 @@ def test_copies_of_an_earlier_capture_do_not_stay(space: Space) -> None:
     assert "word.one.loud~" in answer.err
 
 
+@pytest.mark.medium
 def test_python_places_like_the_command_line(counts: Space) -> None:
     program = (
         "from dextera_build import Project\n"
@@ -243,6 +247,7 @@ def test_a_folder_in_the_place_of_the_table_goes(counts: Space) -> None:
     assert table.is_file()
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("copied", [True, False])
 def test_a_cached_build_accepts_equal_files_that_it_may_not_write(
     counts: Space, copied: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -62,6 +62,7 @@ def stale(before: Plan, after: Plan) -> set[str]:
     return {".".join(path) for path in old.keys() | new.keys() if old.get(path) != new.get(path)}
 
 
+@pytest.mark.medium
 def test_adding_and_editing_a_primitive_makes_its_own_nodes_stale_alone(space: Space) -> None:
     first = planned(space, PLACES)
     add_pour(space)
@@ -88,6 +89,7 @@ def _looked_at(space: Space) -> set[str]:
     return project.library.looked_at()
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("old", "new", "message", "hint"),
     [

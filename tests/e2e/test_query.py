@@ -103,6 +103,7 @@ def test_the_graph_as_json_dot_and_svg(built: Space) -> None:
     assert ET.parse(built.root / written).getroot().tag.endswith("svg")
 
 
+@pytest.mark.medium
 def test_the_graph_of_a_target_and_collapsed(space: Space) -> None:
     below = json.loads(space.dxb("show", "--graph", "say/words:words", "--json").out)
     assert [(node["id"], node["status"]) for node in below["nodes"]] == [("start", None), ("words", None)]

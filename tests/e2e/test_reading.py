@@ -98,6 +98,7 @@ def test_an_edited_input_is_explained_from_a_store_that_may_only_be_read(
     assert sorted(sealed.rglob("*")) == before
 
 
+@pytest.mark.medium
 def test_a_report_that_cannot_be_written_says_where_it_could(here: Space, capsys: pytest.CaptureFixture[str]) -> None:
     assert here.dxb("build", "say/leaf").code == 0
     target = here.root / "cache" / "out" / "say" / "leaf" / "report.html"

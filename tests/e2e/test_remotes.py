@@ -40,6 +40,7 @@ def gate(ctx: Context, text: File, *, options: GateOptions) -> File:
 '''
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("kind", ["folder", "http"])
 def test_a_second_machine_runs_nothing(space: Space, served: str, kind: str) -> None:
     remote = served if kind == "http" else "./share"
@@ -76,6 +77,7 @@ def test_bytes_come_only_where_somebody_reads_them(space: Space, served: str) ->
     assert all_of_them <= blobs(space, "two")
 
 
+@pytest.mark.medium
 def test_bytes_that_a_remote_lost_are_made_again(space: Space) -> None:
     machine(space, "one", "say/words", use="./share:rw")
     machine(space, "two", "say/words", use="./share:r")
@@ -92,6 +94,7 @@ def blobs(space: Space, store: str) -> set[str]:
     return {place for place in results(space, store) if place.startswith("cas/")}
 
 
+@pytest.mark.medium
 def test_a_log_shows_what_was_fetched_and_from_where(space: Space, served: str) -> None:
     space.write("dxb.toml", f'cache = "cache"\n[remotes]\nlab = "{served}"\n')
     space.dxb("build", "say/words", "--cache", "local:rw,lab:rw", env={"DXB_CACHE": "one"})
@@ -114,6 +117,7 @@ def test_a_remote_that_is_not_there_costs_a_warning(space: Space) -> None:
     assert "geheim" not in answer.err
 
 
+@pytest.mark.medium
 def test_a_read_only_remote_refuses_and_the_build_goes_on(space: Space) -> None:
     with serving(space, "served", "--read-only") as url:
         answer = machine(space, "one", "say/words", use=f"{url}:rw")
@@ -125,6 +129,7 @@ def test_a_read_only_remote_refuses_and_the_build_goes_on(space: Space) -> None:
     assert uploads(answer) == [(0, 7)]
 
 
+@pytest.mark.medium
 def test_a_remote_killed_in_the_middle(space: Space) -> None:
     space.write("rules/toy/gate.py", GATE.lstrip())
     last = f"  last: {{rule: toy.gate, text: $all, go: {space.root / 'go'}}}\ntargets:"
@@ -166,6 +171,7 @@ def test_a_remote_killed_in_the_middle(space: Space) -> None:
     assert made == remade
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("seed", range(3))
 def test_a_remote_full_of_damage(space: Space, seed: int) -> None:
     dice = random.Random(seed)
@@ -209,6 +215,7 @@ class Dripping:
             pass
 
 
+@pytest.mark.medium
 def test_a_server_that_drips_is_left_alone(space: Space) -> None:
     server = Dripping()
     space.write("dxb.toml", f'[remotes]\nlab = {{address = "{server.url}", mode = "rw", timeout_s = 1.0}}\n')
@@ -220,6 +227,7 @@ def test_a_server_that_drips_is_left_alone(space: Space) -> None:
     assert server.served.wait(60)  # whoever connected stands in line until this process has time for it
 
 
+@pytest.mark.medium
 def test_an_interrupt_does_not_wait_for_uploads(space: Space) -> None:
     build = subprocess.Popen(
         [sys.executable, "-m", "dextera_build", "build", "--console", "jsonl", "say/words"],
@@ -244,6 +252,7 @@ def test_an_interrupt_does_not_wait_for_uploads(space: Space) -> None:
     assert space.build("say/words").nodes("ran") == set()
 
 
+@pytest.mark.medium
 def test_several_builds_share_one_remote(space: Space, served: str) -> None:
     space.write("recipes/say/long.yaml", long_recipe(6))
     builds = [

@@ -100,6 +100,7 @@ def failed(answer: Answer) -> list[str]:
     return [event["error"]["code"] for event in ends]
 
 
+@pytest.mark.medium
 def test_worker_processes_share_the_slots_of_a_service(asking: Space, oracle: Oracle) -> None:
     oracle.waits_for = 2  # workers may take longer to start than an answer
     answer = asking.dxb("build", "say/ask", "-j", "4", "--console", "plain")
@@ -110,6 +111,7 @@ def test_worker_processes_share_the_slots_of_a_service(asking: Space, oracle: Or
     assert "cost:" not in again.err
 
 
+@pytest.mark.medium
 def test_a_limit_of_costs_holds_over_worker_processes(asking: Space, oracle: Oracle) -> None:
     answer = asking.build("say/ask", "-j", "4", "-k", "--max-cost", "0.07")
     assert answer.code == 1
@@ -122,6 +124,7 @@ def test_a_limit_of_costs_holds_over_worker_processes(asking: Space, oracle: Ora
     assert oracle.asked == 6
 
 
+@pytest.mark.medium
 def test_the_report_and_the_log_tell_what_calls_cost(asking: Space, oracle: Oracle) -> None:
     assert asking.dxb("build", "say/ask").code == 0
     assert asking.dxb("report", "--out", "report.html").code == 0

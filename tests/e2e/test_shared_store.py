@@ -40,6 +40,7 @@ def mark(ctx: Context, text: File) -> File:
 '''
 
 
+@pytest.mark.medium
 def test_two_projects_in_one_store_never_see_the_files_of_one_another(pair: tuple[Space, Space]) -> None:
     paths = [Path(made.run("build", "g").out.strip().partition("\t")[2]) for made in pair]
     assert [path.read_text() for path in paths] == ["hello!", "hello?"]
@@ -59,6 +60,7 @@ def test_builds_at_once_in_two_projects_print_paths_that_keep_their_content(pair
         assert [Path(path).read_text() for path in printed] == [f"{turn}!", f"{turn}?"] * 2
 
 
+@pytest.mark.medium
 def test_one_path_on_two_machines_is_two_projects(pair: tuple[Space, Space], as_machine: Callable[[str], None]) -> None:
     made = pair[0]
     placed = {}

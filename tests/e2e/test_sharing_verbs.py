@@ -13,6 +13,7 @@ from tests.e2e.space import Space
 from tests.remotes import servers
 
 
+@pytest.mark.medium
 def test_push_and_pull(space: Space, served: str) -> None:
     assert space.build("say/words").code == 0
     pushed = space.dxb("cache", "push", "say/words", "--to", served)
@@ -29,6 +30,7 @@ def test_push_and_pull(space: Space, served: str) -> None:
     assert "say/words is up to date   7 nodes" in again.err
 
 
+@pytest.mark.medium
 def test_a_plan_says_what_a_remote_has(space: Space, served: str) -> None:
     space.build("say/words")
     space.dxb("cache", "push", "say/words", "--to", served)
@@ -39,6 +41,7 @@ def test_a_plan_says_what_a_remote_has(space: Space, served: str) -> None:
     assert "start\tstale\ttoy.start" in without  # nothing was brought
 
 
+@pytest.mark.medium
 def test_pull_says_what_is_lacking_and_runs_nothing(space: Space, served: str) -> None:
     space.build("say/words:words")
     space.dxb("cache", "push", "say/words:words", "--to", served)
@@ -60,6 +63,7 @@ def test_push_says_what_is_not_built(space: Space, served: str) -> None:
     assert "hint: dxb build say/words" in answer.err
 
 
+@pytest.mark.medium
 def test_push_of_results_without_bytes_is_no_success_unless_they_are_there(space: Space, served: str) -> None:
     space.build("say/words")
     space.dxb("cache", "push", "say/words", "--to", served)
@@ -75,6 +79,7 @@ def test_push_of_results_without_bytes_is_no_success_unless_they_are_there(space
     assert space.dxb("cache", "push", "say/words", "--to", "./elsewhere", env=two).code == 0
 
 
+@pytest.mark.medium
 def test_push_to_where_nothing_may_be_written(space: Space) -> None:
     space.build("say/words")
     with serving(space, "served", "--read-only") as url:
@@ -184,6 +189,7 @@ def test_two_machines_and_a_bucket(space: Space, tmp_path: Path) -> None:
         assert nobody.code == 0
 
 
+@pytest.mark.medium
 def test_what_is_checked_pushed_and_pulled_is_told_as_json(space: Space) -> None:
     assert json.loads(space.dxb("check", "say/words", "--json").out)[0]["target"] == "say/words"
     assert space.build("say/words").code == 0

@@ -130,6 +130,7 @@ def test_a_deleted_output_is_written_again(built: Space) -> None:
     assert output(built, "c") == "one.txttwo.txt"
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("change", ["recipe", "rule", "configuration", "package", "new rule", "blob"])
 def test_any_other_change_is_seen(built: Space, change: str, tmp_path: Path) -> None:
     env = {}
@@ -278,6 +279,7 @@ def test_a_build_after_a_change_renews_the_pins_and_a_locked_one_looks_at_everyt
     assert (built.dxb("build", "two", "--locked")).code == 3
 
 
+@pytest.mark.medium
 def test_a_rule_edited_twice_in_a_second_to_the_same_size_runs_as_it_is(built: Space) -> None:
     rule, moment = built.root / "rules/toy/first.py", int(time.time()) + 60  # young however slow this machine is
     for joint in ('"."', '"+"', '"-"'):

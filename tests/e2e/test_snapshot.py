@@ -99,6 +99,7 @@ CHANGES: dict[str, Callable[[Path], object]] = {
 }
 
 
+@pytest.mark.medium
 def test_any_change_is_seen(built: Space, monkeypatch: pytest.MonkeyPatch) -> None:
     for name, change in CHANGES.items():
         change(built.root)

@@ -40,6 +40,7 @@ def slower(slow: Space) -> Space:
     return slow
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(("do", "code"), [("work", 0), ("raise", 1)])
 @pytest.mark.parametrize("console", ["plain", "jsonl"])
 def test_a_build_goes_on_though_nobody_reads_and_ends_with_its_own_code(
@@ -54,6 +55,7 @@ def test_a_build_goes_on_though_nobody_reads_and_ends_with_its_own_code(
         assert shell(slower, f"dxb build slow --set slow.do={do} 2>&1 | true").code == 0
 
 
+@pytest.mark.medium
 def test_results_are_printed_though_nobody_reads_errors(slower: Space) -> None:
     answer = shell(slower, "{ dxb build slow --console plain 2>&1 1>&3 | head -1; } 3>&1")
     assert answer.code == 0
@@ -71,6 +73,7 @@ def test_results_that_cannot_be_printed_are_no_success(slow: Space, to: str, why
     assert slow.dxb("build", "slow").out == "slow\tcache/out/slow/slow/slow\n"
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(("to", "why"), [("2>&-", "Bad file descriptor"), ("2> /dev/full", "No space left on device")])
 def test_events_that_cannot_be_printed_are_no_success(slow: Space, to: str, why: str) -> None:
     for _ in range(2):
@@ -88,6 +91,7 @@ def test_all_streams_closed(slow: Space) -> None:
     assert slow.dxb("cache", "verify").code == 0
 
 
+@pytest.mark.medium
 def test_a_list_that_is_cut_off_is_mute(slow: Space) -> None:
     slow.dxb("build", "slow")
     answer = shell(slow, "dxb ls rules --json | head -c 1")

@@ -37,6 +37,7 @@ def add_term(space: Space) -> None:
     space.write("recipes/task/palm.yaml", blocks("terms", "yaml")[0])
 
 
+@pytest.mark.medium
 def test_adding_and_editing_a_term_makes_its_own_nodes_stale_alone(space: Space) -> None:
     first = planned(space, "task/close_laptop")
     add_term(space)

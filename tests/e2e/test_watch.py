@@ -162,6 +162,7 @@ def test_an_error_is_shown_and_its_mend_awaited(notes, watch):
     assert output(notes) == b"mended"
 
 
+@pytest.mark.medium
 def test_a_failed_node_is_shown_and_its_mend_awaited(notes, watch):
     notes.edit("recipes/say/notes.yaml", "seconds: 0.0", "do: fail")
     watching = watch("say/notes")
@@ -184,6 +185,7 @@ def test_pins_are_kept_up_to_date(notes, watch):
     assert notes.dxb("build", "--locked", "say/notes").code == 0
 
 
+@pytest.mark.medium
 def test_a_missing_file_is_awaited(notes, watch):
     (notes.root / "notes").rename(notes.root / "away")
     watching = watch("say/notes")
@@ -207,6 +209,7 @@ def test_a_change_during_a_build_is_not_missed(notes, watch):
     assert watching.is_silent(1.0)
 
 
+@pytest.mark.medium
 def test_changes_in_quick_order_are_taken_together(notes, watch):
     watching = watch("say/notes")
     watching.round()

@@ -214,6 +214,7 @@ def test_a_remote_that_raises_anything_fails_no_build(store: Store, share: Path,
     assert kind.__name__ in record.of(RemoteGivenUp)[0].reason
 
 
+@pytest.mark.medium
 def test_a_remote_that_takes_long_to_load_is_not_slow(store: Store, other: Store, share: Path) -> None:
     build(scene(), store, guarded(Directory(share)))
 

@@ -64,6 +64,7 @@ def lossy_as_fields(monkeypatch):
     monkeypatch.setattr(exchange, "_SUFFIXES", kept)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("kind", generated.kinds(), ids=lambda kind: kind.__name__)
 @settings(max_examples=5, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())

@@ -98,6 +98,7 @@ class Counting(io.BufferedReader):
         return data
 
 
+@pytest.mark.medium
 def test_only_the_asked_time_is_read(tmp_path: Path) -> None:
     """Noise does not compress, so the file is as large as the pictures."""
     frames = ((float(number), RANDOM.integers(0, 256, (480, 640, 3), np.uint8)) for number in range(40))

@@ -103,6 +103,7 @@ def test_the_sparse_terms_find_theta_from_afar():
     assert np.abs(error(found.pose, POSE)).max() < 1e-5
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("count", [120, 300])
 def test_the_stated_covariance_is_honest(count):
     """The 95 % region of 300 draws holds 92 to 98 %, with heavy tails and noise that no weight knows."""
@@ -139,6 +140,7 @@ def photo(light: Exposure = SAME) -> tuple[np.ndarray, np.ndarray]:
     return light.of(drawn.rgb), drawn.depth * SCALE
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("part", ["rgb", "ssim", "surface"])
 def test_photometric_slopes_are_derivatives(part):
     weights = Weights(rgb=float(part == "rgb"), ssim=float(part == "ssim"), surface=float(part == "surface"))

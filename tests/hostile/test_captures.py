@@ -183,6 +183,7 @@ CASES: dict[str, tuple[Callable[[], Files], str]] = {
 }
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("case", CASES)
 def test_the_answer_names_the_cause(case, tmp_path):
     files, words = CASES[case]

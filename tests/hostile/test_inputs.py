@@ -102,6 +102,7 @@ def ended(read: Callable[[], Any]) -> int:
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("name", sorted(READERS))
 @FEW
 @given(data=st.data())

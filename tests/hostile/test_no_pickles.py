@@ -107,6 +107,7 @@ def _call(node: ast.Call, name: str) -> Iterator[str]:
         yield f"{node.lineno}: calls yaml.load"
 
 
+@pytest.mark.medium
 def test_no_source_loads_a_pickle_or_runs_text():
     found = []
     for path in SOURCES:

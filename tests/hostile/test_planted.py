@@ -137,6 +137,7 @@ ATTACKS: dict[str, Callable[[Planted], None]] = {
 }
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("attack", ATTACKS)
 @pytest.mark.parametrize("seed", range(1))
 def test_what_was_planted_is_in_no_result(attack: str, seed: int, tmp_path: Path) -> None:

@@ -38,6 +38,7 @@ def play(seed: int, folder: Path, *, workers: bool = False, spawns: bool = False
         edit = project.edit()
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("seed", range(2))
 def test_a_build_after_any_edit_is_as_a_clean_one(seed: int, tmp_path: Path) -> None:
     """Promise: whatever was edited, appeared or vanished, a build gives what plain Python gives."""

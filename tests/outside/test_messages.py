@@ -39,6 +39,7 @@ JSON = st.recursive(
 )
 
 
+@pytest.mark.medium
 @given(
     base=st.sampled_from([OK, REFUSED]),
     name=st.sampled_from(["protocol", "status", "output", "line", "metrics", "message", "hint", "other"]),

@@ -155,6 +155,7 @@ def arrays(tmp_path, monkeypatch):
     monkeypatch.setenv("TOY_FACES", str(tmp_path / "faces.npy"))
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("case", CASES)
 def test_it_is_one_error_with_a_next_step_and_nothing_is_left(toy, arrays, case):
     """The fixture `toy` looks for processes and files afterwards."""
@@ -203,6 +204,7 @@ def test_a_flood_of_output_is_kept_up_to_a_bound_and_the_rest_counted(toy, capfd
     assert len(out) + left_out == pytest.approx(3000 * 10_000, rel=0.01)
 
 
+@pytest.mark.medium
 def test_a_line_without_an_end_fills_no_memory(toy, capfd):
     with pytest.raises(RuleError, match="longer than"):
         toy.run("import os\nwhile True: os.write(1, b'x' * 65536)", timeout_s=1.5)

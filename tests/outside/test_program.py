@@ -44,6 +44,7 @@ def space(toy):
     return made
 
 
+@pytest.mark.medium
 def test_a_build_logs_the_program_and_follows_its_files(space, toy):
     built = space.dxb("build", "say/tint")
     assert built.code == 0, built.err
@@ -57,6 +58,7 @@ def test_a_build_logs_the_program_and_follows_its_files(space, toy):
     assert "staring at" in space.dxb("log", "say/tint", "out").out
 
 
+@pytest.mark.medium
 def test_a_module_that_a_program_imports_is_part_of_it_though_nobody_declared_it(space, toy):
     toy.program("from tint_helper import WORD\n" + ECHO.replace('"looking', 'WORD, "looking'))
     space.write("rules/toy/tint_helper.py", "WORD = 'now'\n")
@@ -67,6 +69,7 @@ def test_a_module_that_a_program_imports_is_part_of_it_though_nobody_declared_it
     assert "later looking" in space.dxb("log", "say/tint", "out").out
 
 
+@pytest.mark.medium
 def test_byte_code_of_the_same_size_and_time_is_no_part_of_a_program(space, toy, monkeypatch):
     monkeypatch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
     toy.program("from tint_helper import WORD\n" + ECHO.replace('"looking', 'WORD, "looking'))
@@ -168,6 +171,7 @@ def test_what_vanishes_after_planning_is_told_by_the_worker(toy):
 WAITING = ECHO.replace("    return", "    import time; time.sleep(60)\n    return")
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL], ids=["ctrl-c", "kill"])
 def test_the_program_ends_with_the_build(space, toy, tmp_path, number, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
@@ -183,6 +187,7 @@ def test_the_program_ends_with_the_build(space, toy, tmp_path, number, monkeypat
         left.rmdir()
 
 
+@pytest.mark.medium
 def test_the_program_ends_when_its_worker_is_killed(space, toy, tmp_path, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
     toy.program(WAITING)

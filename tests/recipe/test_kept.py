@@ -115,6 +115,7 @@ def spoil(root: Path, how: Callable[[bytes], bytes]) -> None:
     state.put("plan", {name: how(row) for name, row in state.all("plan").items()})
 
 
+@pytest.mark.medium
 def test_any_change_is_planned_anew(planned: Space) -> None:
     for name, change in CHANGES.items():
         change(planned.root)

@@ -64,6 +64,7 @@ def voiced(space):
     return space
 
 
+@pytest.mark.medium
 def test_a_backend_waits_for_its_weights_and_its_licence_then_runs_and_loads_once(voiced):
     refused = voiced.dxb("build", "say/b")
     assert refused.code == 4

@@ -37,6 +37,7 @@ def test_a_backend_that_is_not_installed_stands_in_the_plan_and_is_the_machines_
     assert "up to date" not in told
 
 
+@pytest.mark.medium
 def test_the_next_in_line_is_taken_only_where_the_recipe_says_so(space):
     text = "nodes: {s: {rule: toy.start}, t: {rule: toy.spoken, text: $s, backend: [cloud, quiet]}}"
     space.write("recipes/say/b.yaml", text)

@@ -90,6 +90,7 @@ def resolved(address: str, folder: Path, **recipes: schema.Recipe) -> Graph:
     return plan(address, read, PROJECT.library, ROOT, request).graph
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("address", RECIPES)
 def test_truth_reaches_pictures_worlds_and_judges_alone(address, tmp_path):
     assert dishonest(resolved(address, tmp_path)) == []

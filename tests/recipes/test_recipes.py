@@ -80,6 +80,7 @@ def inputs_of(address: str, folder: Path) -> dict[str, str]:
     return {name: INPUTS.get(address, {}).get(name, str(folder)) for name in needed}
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("address", [address for address in RECIPES if address not in ALIKE])
 @pytest.mark.parametrize("profile", ["stub", "cpu"])
 def test_it_resolves(address, profile, tmp_path):

@@ -187,6 +187,7 @@ def test_an_error_with_markup_is_escaped(tmp_path: Path) -> None:
     assert "<script>alert" not in text
 
 
+@pytest.mark.medium
 def test_events_and_their_lines_give_the_same_page(tmp_path: Path) -> None:
     events, store = fabricate("mixed")
     read = [json.loads(event.to_line()) for event in events]
@@ -232,6 +233,7 @@ def test_a_blob_that_is_no_picture_is_left_out(tmp_path: Path, monkeypatch: pyte
     assert Page(report.build(events, store, tmp_path / "r.html").read_text()).all("img") == []
 
 
+@pytest.mark.medium
 def test_the_limit_is_kept_by_coarser_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     full = len(make(tmp_path)[0].encode())
     monkeypatch.setattr(report, "LIMIT", full * 2 // 3)
@@ -261,6 +263,7 @@ def test_many_copies_are_folded_in_the_graph_and_listed_below(tmp_path: Path) ->
     assert sum(a.get("class") == "node" for a in page.all("details")) == 4 + 30 * 7
 
 
+@pytest.mark.medium
 def test_only_known_licences_are_shown(tmp_path: Path) -> None:
     events, store = fabricate("cold")
     plain = report.build(events, store, tmp_path / "a.html").read_text()

@@ -7,6 +7,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from dextera_build.report import build as report
 from dextera_build.report import objects, result
 from dextera_build.report.compared import compared
@@ -51,6 +53,7 @@ def test_no_line_of_the_result_is_lost_and_none_is_cut() -> None:
     assert not re.search(r"\.outcome[^{]*\{[^}]*max-height", style)
 
 
+@pytest.mark.medium
 def test_the_picture_has_a_link_to_the_page_in_3d_if_there_is_one(tmp_path: Path) -> None:
     events, store = fabricate()
     without = report.build(events, store, tmp_path / "a.html").read_text()
@@ -80,6 +83,7 @@ def test_two_runs_stand_side_by_side(tmp_path: Path) -> None:
     assert told.index("run 0001") < told.index("run 0002")
 
 
+@pytest.mark.medium
 def test_a_page_beside_another_run_has_both_pictures(tmp_path: Path) -> None:
     events, store = fabricate("cold")
     alone = report.build(events, store, tmp_path / "a.html").read_text()

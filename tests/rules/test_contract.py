@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import get_args
 
+import pytest
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
@@ -248,6 +249,7 @@ def test_its_file_imports_nothing_heavy(found):
         assert not [name for name in names if name.partition(".")[0] in HEAVY]
 
 
+@pytest.mark.medium
 def test_no_rule_drags_in_a_heavy_package():
     """Planning imports every rule of a recipe; that must stay quick."""
     code = (

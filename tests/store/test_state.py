@@ -37,6 +37,7 @@ def test_rows_come_back_by_kind_and_name(path: Path) -> None:
     assert again.all("a") == {first: b"new"}
 
 
+@pytest.mark.medium
 def test_damage_anywhere_loses_rows_and_changes_none(path: Path) -> None:
     State(str(path)).put("a", ROWS)
     whole, dice = path.read_bytes(), random.Random(1)

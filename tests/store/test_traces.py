@@ -66,6 +66,7 @@ _WORLDS = st.fixed_dictionaries(
 )
 
 
+@pytest.mark.medium
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 50), st.lists(_WORLDS, min_size=1, max_size=8))
 def test_a_hit_iff_a_recorded_run_would_read_the_same(program: int, worlds: list[World]) -> None:
@@ -81,6 +82,7 @@ def test_a_hit_iff_a_recorded_run_would_read_the_same(program: int, worlds: list
             assert _find(store, world) is not None
 
 
+@pytest.mark.medium
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 50), st.lists(st.tuples(_WORLDS, st.integers(0, 30)), min_size=2, max_size=8))
 def test_what_is_lost_or_damaged_is_a_miss_and_comes_back(program: int, rounds: list[tuple[World, int]]) -> None:
@@ -98,6 +100,7 @@ def test_what_is_lost_or_damaged_is_a_miss_and_comes_back(program: int, rounds: 
             victim.unlink()
 
 
+@pytest.mark.medium
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 50), st.lists(_WORLDS, min_size=1, max_size=5), st.lists(_WORLDS, min_size=1, max_size=5))
 def test_two_stores_that_give_all_to_one_another_find_the_same(

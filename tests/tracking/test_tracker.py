@@ -107,6 +107,7 @@ def test_a_hand_hides_points_and_does_not_pull_them():
     assert max(errors) > 2 * max(ours)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("knows", [True, False])
 def test_a_hand_that_touches_is_told_from_a_print_by_the_robots_pixels(knows):
     """Of a finger that lies on the box, depth says nothing: it is as near as the box."""
@@ -164,6 +165,7 @@ def gone(time: float) -> np.ndarray:
     return standing(-0.05 + 0.9 * out, 0.0, 20.0 + 40.0 * (time > 0.8))
 
 
+@pytest.mark.medium
 def test_what_leaves_is_lost_and_found_again_within_a_second():
     made = sequence(gone, 2.4)
     found = run(made)
@@ -194,6 +196,7 @@ def test_what_stands_does_not_creep_and_its_noise_is_averaged():
     assert places[30:].std(axis=0).max() < 0.5 * np.array(fresh).std(axis=0).max()
 
 
+@pytest.mark.medium
 def test_an_object_that_is_taken_away_is_not_said_to_be_tracked():
     """The table behind it contradicts the pose: the fit alone, whose residual is small, does not tell."""
     made = sequence(lambda time: standing(0.0 if time < 0.25 else 3.0, 0.0, 20), 1.0)
@@ -249,6 +252,7 @@ def test_the_camera_moves_and_what_stands_is_followed():
     assert max(off(each["box"], truth(moving, i / 10)) for i, each in enumerate(found)) < 0.004
 
 
+@pytest.mark.medium
 def test_a_lid_is_tracked_with_its_box():
     links, joints = things.chest()
     opening = [np.radians(60) * min(i / 8, 1.0) for i in range(12)]

@@ -79,6 +79,7 @@ def works(draw: st.DrawFn) -> tuple[Capacity, list[Job]]:
     return capacity, [Job(name, *rest) for name, rest in enumerate(draw(st.lists(drawn, min_size=1, max_size=40)))]
 
 
+@pytest.mark.medium
 @settings(max_examples=300, deadline=None)
 @given(works())
 def test_never_over_capacity_and_all_finish(work: tuple[Capacity, list[Job]]) -> None:

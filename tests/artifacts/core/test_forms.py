@@ -86,6 +86,7 @@ def same(one: Any, other: Any) -> bool:
     return bool(one == other)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("kind", TYPES, ids=lambda kind: kind.__name__)
 @SETTINGS
 @given(data=st.data())
@@ -251,6 +252,7 @@ class Cloud(Artifact):
     points: Annotated[np.ndarray, Array("N 3", "float64", finite=False)]
 
 
+@pytest.mark.medium
 def test_a_large_array_stays_in_its_file(tmp_path: Path) -> None:
     store = Store(tmp_path / "store")
     points = np.zeros((4_000_000, 3))

@@ -84,6 +84,7 @@ def test_forty_codes_have_an_example_and_what_to_write_instead(capsys: pytest.Ca
         assert any(part.startswith("```text\n") and part.endswith("\n```") for part in examples), code
 
 
+@pytest.mark.medium
 def test_a_common_code_is_explained_within_the_terminal(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

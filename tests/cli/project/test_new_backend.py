@@ -97,6 +97,7 @@ def test_a_server_of_any_rule_returns_what_it_was_sent(space, found):
     pytest_of(space)
 
 
+@pytest.mark.medium
 def test_what_is_written_is_short_python_that_lacks_nothing(tmp_path):
     for found in with_protocols():
         asked = [
@@ -240,6 +241,7 @@ def test_a_rule_without_a_protocol_is_told(toy):
     assert "note: toy.word takes no `ctx: Context[PROTOCOL]`" in answer.err
 
 
+@pytest.mark.medium
 def test_doctor_tests_a_backend_by_name(toy):
     written(toy, "toy.say", "in-process")
     answer = toy.dxb("doctor", "--self-test", "toy.say=mine")

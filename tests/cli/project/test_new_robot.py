@@ -38,6 +38,7 @@ def written(space: Space, name: str) -> dict[str, Any]:
     return strict_yaml.parse(text, name).plain()
 
 
+@pytest.mark.medium
 def test_files_from_elsewhere_are_copied_so_that_every_recipe_can_use_the_robot(space, tmp_path):
     folder = put(
         tmp_path / "elsewhere", {**arm().files, "arm_description/LICENSE": b"MIT", "arm_description/notes.txt": b""}
@@ -69,6 +70,7 @@ def test_guesses_are_said_with_their_confidence(space):
     )
 
 
+@pytest.mark.medium
 def test_impossible_inertias_are_repaired_on_request_and_said(space):
     text = ARM.replace('<link name="tool0"/>', TINY).replace('izz="0.001"', 'izz="0.1"')
     put(space.root, dict(arm(text).files))
@@ -86,6 +88,7 @@ def test_impossible_inertias_are_repaired_on_request_and_said(space):
     assert "link `fore`: moments of inertia" in built.err
 
 
+@pytest.mark.medium
 def test_a_home_at_a_limit_is_inside_it(space):
     text = ARM.replace('lower="-1.0" upper="2.5"', 'lower="0.820304748437" upper="0.820355"')
     put(space.root, dict(arm(text).files))
@@ -119,6 +122,7 @@ def test_a_recipe_that_hides_one_of_dxbs_is_said(space):
     assert "dxb build robot/my_panda, dxb view robot/my_panda" in other.err
 
 
+@pytest.mark.medium
 def test_an_arm_and_a_hand_of_two_files_become_one_robot(space, tmp_path):
     bare = re.sub(r'<joint name="grip.*?</joint>', "", ARM, flags=re.DOTALL)
     bare = re.sub(r'<link name="(left|right)">.*?</link>', "", bare, flags=re.DOTALL)

@@ -19,6 +19,7 @@ def project(tmp_path):
     return space
 
 
+@pytest.mark.medium
 def test_a_moved_camera_is_planned_by_the_command_that_is_printed(project):
     answer = project.dxb("new", "twin", "twin/desk")
     assert (answer.code, answer.out) == (0, "recipes/twin/desk.yaml\n")

@@ -45,6 +45,7 @@ def within_3_px(found: Matches, homography: np.ndarray) -> float:
     return float(np.mean(np.linalg.norm(true - found.second, axis=1) < 3.0))
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("backend", ["sift", *MODULES])
 def test_most_pairs_show_the_same_place(tmp_path: Path, runner: RuleRunner, backend: str) -> None:
     if backend in MODULES:
@@ -77,6 +78,7 @@ def test_a_picture_without_points_has_no_pairs(runner: RuleRunner, blank: str) -
     assert runner.outcome.line == "0 pairs by SIFT"
 
 
+@pytest.mark.medium
 def test_a_point_outside_its_picture_is_refused(tmp_path: Path, runner: RuleRunner) -> None:
     stand_in = matchers.SIFT.replace("point.pt for", "(point.pt[0] + 500, 0) for")
     generators.environment(tmp_path, "xfeat", {**matchers.XFEAT, "stand_in.py": stand_in})

@@ -36,6 +36,7 @@ def picture(height: int, width: int) -> Image:
     return Image(pixels=painted.paint(3)[:height, :width].copy())
 
 
+@pytest.mark.medium
 def test_it_runs_on_pictures_of_two_sizes(tmp_path: Path, weights: Path) -> None:
     runner = RuleRunner(tmp_path, weights={"lightglue_superpoint": weights})
     options = {"points": 60, NAME: {"least_confidence": 0.0}}

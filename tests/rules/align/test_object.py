@@ -151,6 +151,7 @@ def test_a_view_without_depth_is_refused(runner):
         align(runner, object_views.body(BOX, TRUTH), blind)
 
 
+@pytest.mark.medium
 def test_a_placement_that_misses_the_mask_is_refused(runner):
     seen = object_views.view(BOX, TRUTH)
     moved = object_views.changed(seen, mask=np.roll(seen.view.mask, 6, axis=1))
@@ -161,6 +162,7 @@ def test_a_placement_that_misses_the_mask_is_refused(runner):
     assert "covers the mask with IoU 0." in runner.outcome.warnings[0], "one bad shape does not cost the scene"
 
 
+@pytest.mark.medium
 def test_a_placement_in_free_space_is_refused(runner):
     seen = object_views.view(BOX, TRUTH)
     rows, columns = np.nonzero(seen.view.mask)

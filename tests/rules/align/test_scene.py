@@ -68,6 +68,7 @@ def test_matches_of_the_scenes_own_image_begin_the_alignment(runner: RuleRunner)
         runner.run("align.scene", backend="sift", options=SMALL, capture=shot, scene=scene(), matches=matches)
 
 
+@pytest.mark.medium
 def test_a_scene_of_unknown_scale_is_aligned(runner: RuleRunner) -> None:
     shot = painted.capture(painted.room(), AWAY)
     found: SceneFit = runner.run("align.scene", backend="sift", options=SMALL, capture=shot, scene=scene())
@@ -109,6 +110,7 @@ def test_it_does_not_matter_where_the_scene_has_its_origin(runner: RuleRunner) -
     assert abs(off(back)[2]) < 0.005
 
 
+@pytest.mark.medium
 def test_gamma_and_a_moved_box_do_not_move_the_camera(runner: RuleRunner) -> None:
     shot = painted.capture(painted.room(0, (0.3, 0.0, 0.1)), AWAY)
     darker = 255 * (shot.photograph.rgb.pixels / 255.0) ** 1.6 * 0.8
@@ -119,6 +121,7 @@ def test_gamma_and_a_moved_box_do_not_move_the_camera(runner: RuleRunner) -> Non
     assert abs(off(found)[2]) < 0.005
 
 
+@pytest.mark.medium
 def test_pixels_of_the_robot_do_not_count(runner: RuleRunner) -> None:
     """Trap 21: whatever is painted on the masked pixels, theta is the same."""
     shot = painted.capture(painted.room(), AWAY)
@@ -138,6 +141,7 @@ def test_pixels_of_the_robot_do_not_count(runner: RuleRunner) -> None:
     assert off(found[0])[0] < 8
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("fault", ["blurred", "dark", "elsewhere"])
 def test_what_cannot_be_decided_is_refused_with_evidence(runner: RuleRunner, fault: str) -> None:
     shot = painted.capture(painted.room(seed=7 if fault == "elsewhere" else 0), AWAY)

@@ -52,6 +52,7 @@ def test_what_is_hidden_does_not_pull(runner):
     assert found.scale * LARGER == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.medium
 def test_the_same_input_gives_the_same_bytes(runner):
     assert runner.encode(placed(runner, "mug")[0]) == runner.encode(placed(runner, "mug")[0])
 

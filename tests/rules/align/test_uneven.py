@@ -83,6 +83,7 @@ def test_low_things_on_a_flat_support_do_not_count(tmp_path: Path) -> None:
     assert told(tabletops.tabletop(*sheets).capture, tmp_path)[1] == []
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("name", ["table_mustard", "table_top_0", "kitchen_table", "clutter_test_51"])
 def test_real_tables_are_not_doubted(tmp_path: Path, name: str) -> None:
     folder = CAPTURES / name

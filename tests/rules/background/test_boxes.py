@@ -42,6 +42,7 @@ def tops(boxes: tuple[SupportBox, ...]) -> np.ndarray:
     return np.array([box.centre[2] + box.half_size[2] for box in boxes])
 
 
+@pytest.mark.medium
 def test_what_stands_on_another_table_of_the_same_height_is_carried(tmp_path: Path) -> None:
     made = built({**THINGS, **SECOND, "carried": CARRIED}, len(THINGS) + 1, tmp_path)
     corners = np.array([[x, y] for x in (0.51, 0.59) for y in (0.86, 0.94)])
@@ -50,6 +51,7 @@ def test_what_stands_on_another_table_of_the_same_height_is_carried(tmp_path: Pa
     assert not under(made.boxes[:1], corners).any(), "the first table ends before it"
 
 
+@pytest.mark.medium
 def test_what_rises_above_a_level_keeps_its_collision(tmp_path: Path) -> None:
     made = built({**THINGS, "vase": VASE}, -2, tmp_path)
     high = under(made.boxes, np.array([[-0.44, 0.87]]))[:, 0] & (tops(made.boxes) < 0.5)

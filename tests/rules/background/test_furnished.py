@@ -148,6 +148,7 @@ def test_the_room_is_closed(built: tuple[Capture, Support, Background]) -> None:
     assert (raycast.cast([surface_of(made.mesh), surface_of(made.invented)], rays).index >= 0).all()
 
 
+@pytest.mark.medium
 def test_the_sides_of_a_thin_table_hide_nothing_that_was_seen(tmp_path: Path) -> None:
     low, high, colour = THINGS["table"]
     floor = ((-3.0, -3.0, -0.9), (3.0, 3.0, -0.8), (90, 90, 95))
@@ -264,6 +265,7 @@ def test_the_floor_catches_what_falls(built: tuple[Capture, Support, Background]
     assert data.body("box").xpos[2] == pytest.approx(floor.centre[2] + floor.half_size[2], abs=0.1)
 
 
+@pytest.mark.medium
 def test_without_depth_there_is_a_room_too(tmp_path: Path) -> None:
     capture, index, table = photographed(THINGS)
     nothing = InstanceMap(labels=np.zeros(index.shape, np.int32), fixed=np.zeros(index.shape, bool))

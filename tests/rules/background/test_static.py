@@ -165,6 +165,7 @@ def test_the_box_covers_the_polygon_with_its_top_at_zero(
     assert (np.abs(table.polygon - box.centre[:2]) + 0.09 < box.half_size[:2]).all()
 
 
+@pytest.mark.medium
 def test_the_same_input_gives_the_same_bytes(
     cleaned: tuple[Capture, Support, np.ndarray, Background], tmp_path: Path
 ) -> None:
@@ -195,6 +196,7 @@ def test_rays_above_the_horizon_never_meet_the_plane() -> None:
     assert np.isfinite(depth[-20:]).all()
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("backend", [static_stub, static_planes])
 def test_every_backend_keeps_the_contract(backend: ModuleType, tmp_path: Path) -> None:
     empty, table = striped_table()
@@ -207,6 +209,7 @@ def test_every_backend_keeps_the_contract(backend: ModuleType, tmp_path: Path) -
     assert "taken out" in context.outcome.line
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("backend", [static_stub, static_planes])
 def test_nothing_to_take_out_leaves_the_photograph(backend: ModuleType, tmp_path: Path) -> None:
     empty, table = striped_table()
@@ -239,6 +242,7 @@ def test_beyond_the_supports_edge_the_wall_is_filled_with_wall(tmp_path: Path) -
     assert (blue[edge + 4 : edge + 40, 135:185] < 0).mean() > 0.97
 
 
+@pytest.mark.medium
 def test_a_plate_level_with_the_table_does_not_widen_it(tmp_path: Path) -> None:
     """A robot's plate behind the table has the height of its top; the wood ends where it was seen to end."""
     empty, table = striped_table()
@@ -276,6 +280,7 @@ def test_a_sheet_at_the_edge_is_a_part_of_the_table() -> None:
     assert not apart(plate, ~(wider & beyond)).behind[wider & beyond].any()
 
 
+@pytest.mark.medium
 def test_the_robot_is_taken_out_too(tmp_path: Path) -> None:
     empty, table = striped_table()
     capture, mask = with_box(empty, table, shadow=False)

@@ -85,6 +85,7 @@ def test_8_bit_is_told_at_any_step_and_also_in_16_bit(tmp_path, scene):
     assert any("are steps of 3.5 mm: was it reduced to 8 bit?" in text for text in found), found
 
 
+@pytest.mark.medium
 def test_noise_is_called_so(tmp_path, scene):
     noise = np.random.default_rng(2).integers(400, 1200, scene.labels.labels.shape).astype(np.uint16)
     assert any("which is noise" in text for text in warnings(tmp_path, scene, noise))

@@ -45,6 +45,7 @@ def trials(tmp_path: Path, runs: dict[str, bytes]) -> Trials:
     return made
 
 
+@pytest.mark.medium
 def test_success_is_that_of_the_measurements(tmp_path: Path) -> None:
     made = trials(tmp_path, {"a.mcap": lifted(), "b.mcap": missed(), "notes.txt": b"-"})
     assert (made.world, made.poses, made.algorithm, made.label, made.source) == (

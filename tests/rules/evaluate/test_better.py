@@ -22,6 +22,7 @@ def runner(tmp_path):
     return RuleRunner(tmp_path, made_by=MADE_BY)
 
 
+@pytest.mark.medium
 def test_the_trials_end_when_one_policy_is_the_better_one(runner):
     bundle = gate.bundle()
     given = {"bundle": bundle, "first": saying(gate.PUSHES, bundle), "second": saying(gate.STOPS_SHORT, bundle)}
@@ -42,6 +43,7 @@ def test_the_trials_end_when_one_policy_is_the_better_one(runner):
     assert row[-1] == 8
 
 
+@pytest.mark.medium
 def test_its_trials_are_those_of_rollouts(runner, tmp_path):
     bundle = gate.bundle()
     first, second = saying(gate.PUSHES, bundle), saying(gate.STOPS_SHORT, bundle)
@@ -71,6 +73,7 @@ def test_the_picture_goes_to_the_policy_that_sees(runner):
     assert (found.first.successes, found.second.successes) == (1, 1)
 
 
+@pytest.mark.medium
 def test_trials_that_were_done_are_not_made_again(tmp_path, monkeypatch):
     bundle = gate.bundle()
     given = {"bundle": bundle, "first": saying(gate.PUSHES, bundle), "second": saying(gate.STOPS_SHORT, bundle)}

@@ -136,6 +136,7 @@ def test_the_stub_rehearses_nothing(runner):
     assert more.world.items == more.twin.items[:4] == found.twin.items[:4]
 
 
+@pytest.mark.medium
 def test_trials_that_were_done_are_not_made_again(tmp_path, monkeypatch):
     given = {"twin": gate.bundle(), "world": gate.bundle("reference"), "options": {"trials": 2}}
     runner = RuleRunner(tmp_path / "whole")

@@ -63,6 +63,7 @@ def test_a_scene_in_which_everything_is_held_is_seen_from_the_same_sides(twin: S
         assert np.abs(pixels.astype(int) - fixed[side]).mean() < 2.0, side
 
 
+@pytest.mark.medium
 def test_default_flags_show_the_photograph(tmp_path: Path) -> None:
     """Nothing of the photograph's light is added a second time."""
     capture = factories.capture(LENS, TABLE)
@@ -81,6 +82,7 @@ def test_default_flags_show_the_photograph(tmp_path: Path) -> None:
     assert metrics.psnr(drawn, pixels, table) > 30.0
 
 
+@pytest.mark.medium
 def test_all_objects_are_whole_from_every_side(twin: Scene) -> None:
     model = models.compile_folder(twin.model)
     data = models.at_home(model)

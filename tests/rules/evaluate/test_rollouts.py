@@ -58,6 +58,7 @@ def test_a_policy_that_pushes_succeeds_from_every_start(runner):
     assert len({trial.start for trial in found.items}) == 6
 
 
+@pytest.mark.medium
 def test_one_that_stops_short_fails_with_its_reason(runner):
     bundle = gate.bundle("reference")
     found = runner.run(
@@ -81,6 +82,7 @@ def test_progress_is_the_last_stage_that_the_true_state_reached(runner, goal, st
     assert runner.outcome.metrics["progress"] == (100 * progress, "%")
 
 
+@pytest.mark.medium
 def test_all_policies_face_the_same_starts_and_another_seed_gives_others(runner):
     bundle = gate.bundle()
 
@@ -98,6 +100,7 @@ def test_all_policies_face_the_same_starts_and_another_seed_gives_others(runner)
     assert not set(starts(gate.PUSHES, 3, 1)) & set(first)
 
 
+@pytest.mark.medium
 def test_twin_and_reference_place_objects_alike(runner):
     both = [
         runner.run(
@@ -112,6 +115,7 @@ def test_twin_and_reference_place_objects_alike(runner):
     assert both[0].successes > both[1].successes == 0
 
 
+@pytest.mark.medium
 def test_the_same_twice_is_the_same_bytes(runner):
     bundle = gate.bundle()
     made = saying(gate.PUSHES, bundle)
@@ -136,6 +140,7 @@ def test_a_policy_that_sees_gets_the_view_s_pictures(runner):
     assert (found.successes, found.label) == (1, "ACT image")
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("view", [None, gate.view()])
 def test_a_film_strip_of_a_success_and_of_a_failure(runner, view):
     # The case is turned so far that one target is enough at some starts and not at others.

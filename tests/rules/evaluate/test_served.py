@@ -38,6 +38,7 @@ def behind(runner: RuleRunner, address: str, **options: Any) -> Checkpoint:
     return found
 
 
+@pytest.mark.medium
 def test_trials_of_a_served_policy_are_those_of_the_local_one(runner: RuleRunner, tmp_path: Path) -> None:
     contract = policies.contract(BUNDLE, every=2, forget=0.1)
     action = contract.action.model_copy(update={"mean": (0.6,), "scale": (0.2,)})

@@ -89,6 +89,7 @@ def rows(table: Table) -> dict[str, dict[str, float]]:
     return {str(row[0]): dict(zip(names, row, strict=True)) for row in table.rows}  # type: ignore[arg-type]
 
 
+@pytest.mark.medium
 def test_the_twin_is_like_the_other_views(twin: tuple[dict[str, object], Scene], tmp_path: Path) -> None:
     inputs, world = twin
     runner = RuleRunner(tmp_path)

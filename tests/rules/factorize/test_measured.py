@@ -81,6 +81,7 @@ def test_depth_of_another_picture_is_refused(scene):
     assert caught.value.hint == "take both from one capture"
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("profile", ["cpu", "stub"])
 def test_every_asset_rule_of_the_cpu_says_rgbd(runner, given, profile):
     given = {name: given[name] for name in ("photograph", "measured", "support")}

@@ -33,6 +33,7 @@ def test_it_learns_what_was_shown(tmp_path: Path) -> None:
     assert miss(made) < 0.1
 
 
+@pytest.mark.medium
 def test_the_same_inputs_give_the_same_bytes(tmp_path: Path) -> None:
     data = episodes.small(4)
     first = learn(tmp_path, data)
@@ -56,6 +57,7 @@ def test_neither_threads_nor_the_global_generator_matter(tmp_path: Path) -> None
         torch.set_num_threads(before)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("more", [{"jitter": 0.02}, {"average": 0.9}, {"inputs": ("joints", "rgb"), "steps": 12}])
 def test_a_training_that_was_killed_ends_with_the_same_bytes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: dict[str, Any]
@@ -63,6 +65,7 @@ def test_a_training_that_was_killed_ends_with_the_same_bytes(
     ACT.assert_resumes(tmp_path, monkeypatch, **more)
 
 
+@pytest.mark.medium
 def test_the_state_of_another_training_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     data = episodes.small(4)
     interrupted(tmp_path, data, 7, monkeypatch)
@@ -70,6 +73,7 @@ def test_the_state_of_another_training_is_not_used(tmp_path: Path, monkeypatch: 
     assert not [line for line in lines if line.startswith("resumes")]
 
 
+@pytest.mark.medium
 def test_a_damaged_state_begins_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     data = episodes.small(4)
     whole, _ = interrupted(tmp_path / "whole", data, None, monkeypatch)
@@ -151,6 +155,7 @@ def test_it_looks_at_the_object_of_the_task_alone(tmp_path: Path) -> None:
     assert named == {"joints": ("joint_1", "joint_2", "joint_3"), "objects": ("box",), "goal": ("rise",)}
 
 
+@pytest.mark.medium
 def test_it_learns_from_pictures(tmp_path: Path) -> None:
     data = episodes.small(6)
     made = learn(tmp_path, data, inputs=("joints", "rgb"), film=filmed(data), steps=60)

@@ -92,6 +92,7 @@ def test_it_does_one_of_two_things_and_not_their_average(tmp_path: Path, options
     assert np.mean(np.ptp(np.sign(turns), axis=1) == 0) > 0.9, "a window stays with its way"
 
 
+@pytest.mark.medium
 @BOTH
 def test_the_same_inputs_give_the_same_bytes(tmp_path: Path, network: str) -> None:
     data = episodes.small(4)
@@ -103,6 +104,7 @@ def test_the_same_inputs_give_the_same_bytes(tmp_path: Path, network: str) -> No
     assert learn(tmp_path, data, network=network, dropout=0.1, seed=1).weights != first.weights
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     "more", [{}, {"average": 0.0}, {"network": "transformer", "dropout": 0.2}, {"inputs": ("joints", "rgb")}]
 )
@@ -250,6 +252,7 @@ def test_profile_gpu_trains_with_the_same_code(tmp_path: Path, rule: str) -> Non
     assert gpu.module.train is cpu.module.train
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("rule", ["learn.act", "learn.diffusion"])
 def test_all_tensors_are_on_the_device_of_the_call(tmp_path: Path, rule: str) -> None:
     """Tensors that have a device and no data take the place of a GPU."""

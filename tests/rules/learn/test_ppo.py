@@ -96,6 +96,7 @@ def test_it_learns_to_close_a_lid(tmp_path: Path) -> None:
     assert successes(made) >= 5
 
 
+@pytest.mark.medium
 def test_the_same_bundle_gives_the_same_bytes(tmp_path: Path) -> None:
     np.random.seed(5)
     first = learn(tmp_path)
@@ -200,6 +201,7 @@ def test_the_state_of_another_training_is_not_used(tmp_path: Path, monkeypatch: 
     assert not lines
 
 
+@pytest.mark.medium
 def test_a_damaged_state_begins_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole, _ = interrupted(tmp_path / "whole", None, monkeypatch)
     interrupted(tmp_path / "cut", 44, monkeypatch)

@@ -42,6 +42,7 @@ def overlap(world: World) -> float:
     return max(solids.intersection(one, other).volume for one, other in itertools.combinations(bodies, 2))
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("contact", ["apart", "touching", "piled"])
 def test_what_fell_rests_on_the_table_and_on_one_another(tmp_path: Path, contact: str) -> None:
     drawn = world(tmp_path, contact)
@@ -64,6 +65,7 @@ def test_one_seed_gives_one_world_and_another_another(tmp_path: Path) -> None:
     assert set(first.objects) != set(other.objects) or first.lamps != other.lamps
 
 
+@pytest.mark.medium
 def test_the_stub_stands_things_upright(tmp_path: Path) -> None:
     drawn = world(tmp_path, "apart", backend="stub")
     for thing in drawn.objects.values():

@@ -54,6 +54,7 @@ def test_a_capture_holds_nothing_but_pictures_and_intrinsics(pair: tuple[Capture
     assert pair[0].photograph.camera == world.camera
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_the_same_seed_gives_the_same_bytes(runner: RuleRunner, world: World, backend: str) -> None:
     shots = [runner.run("reference.photograph", backend=backend, world=world, options={"seed": s}) for s in (7, 7, 8)]

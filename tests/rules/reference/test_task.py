@@ -241,6 +241,7 @@ def test_two_assets_of_one_thing_are_one_too_many(world: World, tmp_path: Path) 
         build(tmp_path, twin, world)
 
 
+@pytest.mark.medium
 def test_impossible_pairs_are_refused(twin: TaskBundle, world: World, tmp_path: Path) -> None:
     laptop = world.objects["laptop"]
     stiff = world.model_copy(update={"objects": {**world.objects, "laptop": laptop.model_copy(update={"hinge": None})}})

@@ -92,6 +92,7 @@ def test_the_robot_stands_where_its_base_is(make):
     assert np.allclose(poses["blue_box"][:3], seen[:3], atol=1e-6)
 
 
+@pytest.mark.medium
 def test_episodes_begin_with_the_base_off_as_far_as_its_calibration_may_be(make):
     support, covariance = factories.support(0.8), np.diag([1e-6, 4e-6, 9e-6, 1e-5, 2e-5, 3e-5])
     mount = transforms.invert(support.camera_pose.matrix) @ factories.pose(0.0, -0.5, 0.0, yaw=1.5)
@@ -107,6 +108,7 @@ def test_episodes_begin_with_the_base_off_as_far_as_its_calibration_may_be(make)
     assert variations.seen(environment.bundle, environment.start, {"front": view}).cameras == {}
 
 
+@pytest.mark.medium
 def test_the_home_keyframe_holds_the_photograph_and_the_robot(make):
     environment = Environment(make(CLOSE))
     (hinge,) = environment.bundle.objects["laptop"].joints
@@ -311,6 +313,7 @@ def test_a_rate_that_the_simulation_cannot_keep_is_refused(make, asked, steps, h
     assert caught.value.hint == hint
 
 
+@pytest.mark.medium
 def test_a_push_has_its_target_in_the_world_and_policies_see_it_in_the_base(make):
     bundle = make({**PUSH, "push": {**PUSH["push"], "yaw_deg": 90.0}})
     environment = Environment(bundle)
@@ -325,6 +328,7 @@ def test_a_push_has_its_target_in_the_world_and_policies_see_it_in_the_base(make
     assert not environment.judge.held_at_reset
 
 
+@pytest.mark.medium
 def test_a_container_is_measured_for_those_that_are_put_into_it(make):
     bundle = make(PLACE)
     cavity = bundle.objects["bowl"].cavity

@@ -76,6 +76,7 @@ def geom_vertices(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> np.n
     return model.mesh_vert[start : start + count] @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
 
 
+@pytest.mark.medium
 def test_a_photographed_laptop_comes_back_as_it_stood(runner, tmp_path):
     whole, _ = object_views.laptop(1.885)
     mesh, pose = object_views.mesh(whole), factories.pose(0.02, 0.01, 0.0, 0.3)

@@ -53,6 +53,7 @@ def pushed(environment: Environment, cell: Cell, seed: int = 0):
         return policy, episode, watching.sighting
 
 
+@pytest.mark.medium
 def test_object_and_joint_are_where_they_are(environment):
     policy, episode, sighting = pushed(environment, cells.cell())
     assert episode.success
@@ -65,6 +66,7 @@ def test_object_and_joint_are_where_they_are(environment):
     assert len(sighting.joints_rad) == sighting.tracked
 
 
+@pytest.mark.medium
 def test_an_error_of_the_calibration_moves_all_poses(environment):
     error = transforms.rigid(factories.pose(yaw=0.03)[:3, :3], np.array([0.004, -0.006, 0.003]))
     policy, episode, sighting = pushed(environment, cells.cell(error))
@@ -78,6 +80,7 @@ def test_an_error_of_the_calibration_moves_all_poses(environment):
     assert np.linalg.norm(told[:3, 3] - true) > 0.006
 
 
+@pytest.mark.medium
 def test_what_was_seen_arrives_late(environment):
     policy, episode, _ = pushed(environment, cells.cell(delay_s=0.2))
     late, true = np.array(policy.joints), episode.displacement[:, 0]
@@ -85,6 +88,7 @@ def test_what_was_seen_arrives_late(environment):
     assert np.abs(late - true).max() > 0.1
 
 
+@pytest.mark.medium
 def test_frames_come_at_the_rate_of_the_camera(environment):
     policy, episode, sighting = pushed(environment, cells.cell(rate_hz=5.0))
     steps = len(episode.action)
@@ -96,6 +100,7 @@ def test_frames_come_at_the_rate_of_the_camera(environment):
     assert sighting.frames == pytest.approx(0.75 * len(episode.action), abs=1)
 
 
+@pytest.mark.medium
 def test_while_nothing_is_seen_the_last_pose_holds(environment):
     start = environment.draw(1)
     with TrackedCell(environment, cells.cell(), ()) as watching:
@@ -127,6 +132,7 @@ def test_a_trial_whose_object_is_not_found_fails_before_it_begins(environment, b
     assert (sighting.found_s, sighting.frames, policy.joints) == (None, 0, [])
 
 
+@pytest.mark.medium
 def test_a_trial_does_not_depend_on_the_ones_before(environment):
     noisy = cells.cell(depth_noise=DepthNoise(smear=0.3), loss=0.2, rate_hz=15.0)
     first, _, record = pushed(environment, noisy, 3)

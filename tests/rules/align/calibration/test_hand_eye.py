@@ -99,6 +99,7 @@ def test_a_board_of_another_size_is_refused_with_its_size(tmp_path: Path) -> Non
     assert "ruler" in str(error.hint)
 
 
+@pytest.mark.medium
 def test_markers_from_right_to_left_are_refused(tmp_path: Path) -> None:
     views, _ = boards.taken(boards.GRID, reverse=True)
     refused(tmp_path, views, "the markers are numbered from right to left")
@@ -127,6 +128,7 @@ def test_millimetres_are_told(tmp_path: Path) -> None:
     refused(tmp_path, views.model_copy(update={"effectors": rows}), "look like millimetres")
 
 
+@pytest.mark.medium
 def test_inverted_poses_are_told(tmp_path: Path) -> None:
     views, _ = boards.taken(boards.MARKER)
     assert views.effectors is not None
@@ -134,6 +136,7 @@ def test_inverted_poses_are_told(tmp_path: Path) -> None:
     refused(tmp_path, views.model_copy(update={"effectors": rows}), "poses are those of the base in the effector")
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("order", ["xyz", "ZYX"])
 def test_euler_angles_are_told_in_both_directions(tmp_path: Path, order: str) -> None:
     views, _ = boards.taken(boards.MARKER)
@@ -152,6 +155,7 @@ def test_euler_angles_are_told_in_both_directions(tmp_path: Path, order: str) ->
         assert f"axes {order.lower()}" in str(error)
 
 
+@pytest.mark.medium
 def test_a_cause_that_does_not_explain_the_pictures_is_not_named(tmp_path: Path) -> None:
     views, _ = boards.taken(boards.MARKER)
     assert views.effectors is not None
@@ -175,6 +179,7 @@ def test_a_chessboard_that_the_border_cuts_is_told_with_what_is_seen() -> None:
     assert "inner corners are seen: the border of the picture or something in front cuts the board" in found.found
 
 
+@pytest.mark.medium
 def test_poses_of_the_picture_before_are_told(tmp_path: Path) -> None:
     views, _ = boards.taken(boards.MARKER)
     assert views.effectors is not None
@@ -182,6 +187,7 @@ def test_poses_of_the_picture_before_are_told(tmp_path: Path) -> None:
     refused(tmp_path, shifted, "each picture has the pose of one picture later|one picture earlier")
 
 
+@pytest.mark.medium
 def test_a_moved_picture_and_a_dark_one_are_left_out_by_name(tmp_path: Path) -> None:
     views, truth = boards.taken(boards.MARKER, count=9)
     assert views.effectors is not None

@@ -79,6 +79,7 @@ def test_a_camera_on_the_gripper_sees_a_chessboard(tmp_path: Path) -> None:
     assert (np.sort(spread(capture, found)) < [1.7, 1.8, 3.6]).all()
 
 
+@pytest.mark.medium
 def test_rotation_vectors_read_as_euler_angles_are_told(tmp_path: Path) -> None:
     capture = views("franka_eye_in_hand", LARGER)
     assert capture.effectors is not None
@@ -89,6 +90,7 @@ def test_rotation_vectors_read_as_euler_angles_are_told(tmp_path: Path) -> None:
         RuleRunner(tmp_path).run("align.hand_eye", views=capture.model_copy(update={"effectors": np.stack(rows)}))
 
 
+@pytest.mark.medium
 def test_the_size_that_is_stated_for_the_chessboard_contradicts_the_robot(tmp_path: Path) -> None:
     with pytest.raises(RuleError, match=r"the board is 1\.1\d\d times as large as stated"):
         RuleRunner(tmp_path).run("align.hand_eye", views=views("franka_eye_in_hand", CHESS))

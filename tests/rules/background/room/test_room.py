@@ -173,6 +173,7 @@ def test_points_are_on_the_table_or_on_the_sphere_once(chain: Chain) -> None:
     assert np.allclose(points.normals[measured], (0, 0, 1), atol=1e-4)
 
 
+@pytest.mark.medium
 def test_gaussians_look_like_the_photograph_and_like_the_views(chain: Chain) -> None:
     seen = chain.room.splats.seen(LENS, TABLE.camera_pose).pixels
     assert psnr(seen, SCENE.image.pixels) > 28

@@ -42,6 +42,7 @@ def rests_at(hulls: tuple[Hull, ...], radius: float, above: float) -> float:
     return float(data.qpos[2])
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(("name", "floor"), [("bowl", 0.005), ("cup", 0.004), ("mug", 0.004)])
 def test_a_ball_dropped_into_a_container_ends_inside(runner, name, floor):
     vessel = object_views.mesh(getattr(object_views, name)())
@@ -111,6 +112,7 @@ def test_a_concave_body_without_a_cavity_goes_to_coacd_and_repeats(runner):
     assert runner.encode(first) == runner.encode(second)
 
 
+@pytest.mark.medium
 def test_wedges_repeat_byte_for_byte(runner):
     body = object_views.body(object_views.mesh(object_views.cup()), hollow=True)
     assert runner.encode(pieces(runner, body)) == runner.encode(pieces(runner, body))
@@ -148,6 +150,7 @@ def test_neither_a_box_nor_an_arch_has_a_cavity():
     assert cavity.fill(cavity.find(box), (Hull(vertices=box.vertices),)) is None
 
 
+@pytest.mark.medium
 def test_what_takes_coacd_too_long_is_cut_into_wedges(runner):
     import manifold3d
 

@@ -79,6 +79,7 @@ def test_a_ball_stays_in_a_vessel_that_others_made(tmp_path, name, family):
     holds_a_ball(foreign(name, tmp_path), tmp_path, family)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("name", ["bowl", "mug", "basket"])
 def test_compiled_mass_and_inertia_are_volume_times_density(tmp_path, name):
     mesh = object_views.mesh(basket() if name == "basket" else getattr(object_views, name)())

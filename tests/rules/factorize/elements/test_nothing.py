@@ -27,6 +27,7 @@ def with_depth(capture: Capture, depth: np.ndarray) -> Capture:
     return factories.rgbd(capture.photograph.rgb.pixels, depth.astype(np.float32), capture.photograph.camera)
 
 
+@pytest.mark.medium
 def test_an_object_without_depth_is_suspected_where_the_depth_is_missing(tmp_path):
     scene = tabletops.tabletop((BOX, factories.pose()))
     assert scene.capture.measured is not None
@@ -43,6 +44,7 @@ def test_an_object_without_depth_is_suspected_where_the_depth_is_missing(tmp_pat
     assert top <= np.median(rows) <= bottom
 
 
+@pytest.mark.medium
 def test_a_thing_cut_by_the_border_is_told_from_an_empty_table(tmp_path):
     cut = tabletops.tabletop((BOX, factories.pose(0.43, 0.0)))
     assert cut.labels.labels[:, -1].any()
@@ -58,6 +60,7 @@ def test_a_wall_seen_frontally_is_suspected(tmp_path):
     assert "seen frontally, as a wall is" in error_of(tmp_path, scene.capture).message
 
 
+@pytest.mark.medium
 def test_a_unit_that_is_ten_times_too_large_is_suspected(tmp_path):
     scene = tabletops.tabletop((BOX, factories.pose()))
     assert scene.capture.measured is not None

@@ -48,6 +48,7 @@ def interactive(elements) -> dict[str, object]:
     return {element.name: element for element in elements.elements if element.interactive}
 
 
+@pytest.mark.medium
 def test_things_are_named_by_colour_and_shape(runner, fine):
     found = interactive(parsed(runner, fine))
     assert set(found) == {"red_box", "white_bowl", "blue_cylinder"}
@@ -57,6 +58,7 @@ def test_things_are_named_by_colour_and_shape(runner, fine):
     assert all(element.body_type == "rigid" for element in found.values())
 
 
+@pytest.mark.medium
 def test_boxes_are_tight(runner, fine):
     found = interactive(parsed(runner, fine))
     for number, name in enumerate(("red_box", "white_bowl", "blue_cylinder"), start=1):
@@ -84,6 +86,7 @@ def test_a_laptop_is_one_articulated_thing(runner):
     assert [element.body_type for element in found.values()] == ["articulated"]
 
 
+@pytest.mark.medium
 def test_a_laptop_of_which_the_network_joins_lid_and_base_is_one_too(runner):
     scene = two_states.shown(two_states.OPENED[0], two_states.BOX[0])
     found = interactive(parsed(runner, scene))
@@ -109,6 +112,7 @@ def test_what_reaches_out_of_the_image_is_static(runner):
     assert {element.category for element in found if not element.interactive} == {"room", "support"}
 
 
+@pytest.mark.medium
 def test_what_stands_on_furniture_is_found(runner):
     """A step along the back of the table is too wide for an object, and carries two."""
     scene = tabletops.tabletop(
@@ -196,6 +200,7 @@ def test_a_scene_file_may_call_a_thing_static(runner, three):
     assert [element.name for element in elements if element.interactive] == ["vase"]
 
 
+@pytest.mark.medium
 def test_an_element_that_matches_nothing_lists_the_proposals(runner, fine):
     with pytest.raises(RuleError) as caught:
         parsed(runner, fine, "elements:\n  - name: vase\n    phrase: green vase\n")
@@ -205,6 +210,7 @@ def test_an_element_that_matches_nothing_lists_the_proposals(runner, fine):
         assert name in caught.value.facts["proposals"]
 
 
+@pytest.mark.medium
 def test_two_boxes_for_one_thing_are_refused(runner, three):
     box = list(interactive(parsed(runner, three))["red_box"].box)
     with pytest.raises(RuleError, match="`b` matches nothing"):

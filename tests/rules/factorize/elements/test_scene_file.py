@@ -32,6 +32,7 @@ elements:
     assert (element.place.line, element.place.column) == (3, 5)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("text", "message", "place"),
     [

@@ -49,6 +49,7 @@ def test_a_rigid_object_is_one_link(runner):
     assert runner.outcome.line == "rigid, 1 link"
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("opening", ANGLES)
 @pytest.mark.parametrize("overlap", [0.0, 0.004])
 def test_the_hinge_lies_in_the_crease_and_stands_at_the_true_angle(laptop, opening, overlap):
@@ -100,6 +101,7 @@ def test_at_the_observed_angle_the_links_are_where_they_were_seen(laptop, overla
     assert all(link.mesh.is_closed for link in body.links.values())
 
 
+@pytest.mark.medium
 def test_walls_follow_their_link(runner):
     _, body = hinged(runner, 1.885, walls=True)
     for link in body.links.values():
@@ -108,6 +110,7 @@ def test_walls_follow_their_link(runner):
         assert wall.vertices.max(axis=0) == pytest.approx(link.mesh.vertices.max(axis=0), abs=1e-5)
 
 
+@pytest.mark.medium
 def test_texture_coordinates_survive_the_cut(runner):
     whole, _ = object_views.laptop(1.885, 0.004)
     plain = object_views.mesh(whole)
@@ -127,6 +130,7 @@ def test_texture_coordinates_survive_the_cut(runner):
     assert areas[~kept].sum() > 0.0
 
 
+@pytest.mark.medium
 def test_the_line_and_the_picture_tell_the_hinge(runner):
     hinged(runner, np.radians(108.0))
     assert runner.outcome.line == "1 hinge, 0-131 deg, at 108 deg"
@@ -134,6 +138,7 @@ def test_the_line_and_the_picture_tell_the_hinge(runner):
     assert abs(runner.outcome.metrics["seen_minus_mesh"][0]) < 0.5
 
 
+@pytest.mark.medium
 def test_a_box_has_no_crease(runner):
     mesh = object_views.mesh(solids.box((0.3, 0.2, 0.1), (0.0, 0.0, 0.05)))
     seen = object_views.view(mesh, np.eye(4), body_type="articulated")
@@ -153,6 +158,7 @@ def test_a_box_has_no_crease(runner):
     assert runner.outcome.line == "kept rigid: no joint found"
 
 
+@pytest.mark.medium
 def test_a_declared_hinge_is_taken_as_it_is(runner):
     declared = {"origin_m": (0.0, 0.11, 0.0182), "axis": (-1.0, 0.0, 0.0), "angle_rad": 1.885}
     _, body = hinged(runner, 1.885, hinge=declared)

@@ -53,6 +53,7 @@ class Closed:
         )
 
 
+@pytest.mark.medium
 def test_a_closed_door_turns_about_the_line_between_two_pixels(runner):
     case = Closed("cupboard")
     (true,) = case.thing.joints
@@ -70,6 +71,7 @@ def test_a_closed_door_turns_about_the_line_between_two_pixels(runner):
     assert all(link.mesh.is_closed for link in body.links.values())
 
 
+@pytest.mark.medium
 def test_a_shut_drawer_slides_out_of_its_front(runner):
     case = Closed("drawers")
     true = case.thing.joints[0]

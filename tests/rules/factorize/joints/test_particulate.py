@@ -86,11 +86,13 @@ def test_nothing_measured_is_used(tmp_path: Path) -> None:
     assert articulated(tmp_path)[0].asset_source == "rgb"
 
 
+@pytest.mark.medium
 def test_one_part_alone_has_no_joint(tmp_path: Path) -> None:
     with pytest.raises(RuleError, match="no joint was found"):
         articulated(tmp_path, particulate={"least_confidence": 0.5})
 
 
+@pytest.mark.medium
 def test_an_error_that_infer_goes_on_after_is_told(tmp_path: Path) -> None:
     with pytest.raises(RuleError) as caught:
         articulated(tmp_path, particulate={"least_confidence": 1.0})

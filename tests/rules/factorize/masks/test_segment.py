@@ -29,6 +29,7 @@ def segmented(runner, capture, profile: str = "cpu"):
     return runner.run("factorize.segment", profile=profile, **chosen)
 
 
+@pytest.mark.medium
 def test_regions_of_the_elements_are_not_found_again(runner, monkeypatch):
     scene = tabletops.tabletop((tabletops.box(0.08, 0.08, 0.1, RED), factories.pose(-0.1)))
     given = {**factories.shot(scene.capture), "support": runner.run("align.support", **factories.shot(scene.capture))}
@@ -53,6 +54,7 @@ def scores(segmentation, truth: np.ndarray) -> list[float]:
     ]
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 def test_things_apart_are_cut_out_tightly(runner, noise):
     scene = tabletops.tabletop(
@@ -66,6 +68,7 @@ def test_things_apart_are_cut_out_tightly(runner, noise):
     assert min(scores(found, scene.labels.labels)) > 0.9
 
 
+@pytest.mark.medium
 def test_a_bowl_keeps_its_floor(runner):
     scene = tabletops.tabletop((tabletops.bowl(WHITE), factories.pose(0.0, -0.05)))
     found = segmented(runner, scene.capture)
@@ -75,6 +78,7 @@ def test_a_bowl_keeps_its_floor(runner):
     assert scores(found, scene.labels.labels)[0] > 0.9
 
 
+@pytest.mark.medium
 def test_a_stack_is_split_at_its_creases(runner):
     scene = tabletops.tabletop(
         (tabletops.box(0.2, 0.14, 0.06, RED), factories.pose(0.0, 0.0, yaw=0.2)),
@@ -88,6 +92,7 @@ def test_a_stack_is_split_at_its_creases(runner):
     assert min(scores(found, scene.labels.labels)) > 0.85
 
 
+@pytest.mark.medium
 def test_one_thing_behind_another_stays_one(runner):
     scene = tabletops.tabletop(
         (tabletops.cylinder(0.03, 0.2, BLUE), factories.pose(0.0, -0.1)),
@@ -99,6 +104,7 @@ def test_one_thing_behind_another_stays_one(runner):
     assert min(scores(found, scene.labels.labels)) > 0.85
 
 
+@pytest.mark.medium
 def test_two_things_of_equal_height_behind_another_stay_two(runner):
     scene = tabletops.tabletop(
         (tabletops.cylinder(0.03, 0.2, BLUE), factories.pose(0.0, -0.1)),
@@ -111,6 +117,7 @@ def test_two_things_of_equal_height_behind_another_stay_two(runner):
     assert min(scores(found, scene.labels.labels)) > 0.8
 
 
+@pytest.mark.medium
 def test_the_view_is_a_crop_that_knows_its_camera(runner):
     scene = tabletops.tabletop(
         (tabletops.cylinder(0.03, 0.2, BLUE), factories.pose(0.0, -0.1)),
@@ -133,6 +140,7 @@ def test_the_view_is_a_crop_that_knows_its_camera(runner):
     assert before.occluder.sum() < 30, "nothing hides the cylinder"
 
 
+@pytest.mark.medium
 def test_what_belongs_to_no_object_is_fixed(runner):
     arm = factories.box_mesh((-0.03, -0.02, 0.2), (0.03, 0.05, 1.2), colour=(0.3, 0.3, 0.3))
     scene = tabletops.tabletop(
@@ -145,6 +153,7 @@ def test_what_belongs_to_no_object_is_fixed(runner):
     assert not (found.map.fixed & (found.map.labels > 0)).any()
 
 
+@pytest.mark.medium
 def test_colour_finds_a_border_that_depth_lost(runner):
     scene = tabletops.tabletop((tabletops.box(0.1, 0.06, 0.14, RED), factories.pose(0.0, 0.0, yaw=0.4)), noise=0.3)
     truth = scene.labels.labels == 1
@@ -159,6 +168,7 @@ def test_colour_finds_a_border_that_depth_lost(runner):
     assert scores(found, scene.labels.labels)[0] > 0.93
 
 
+@pytest.mark.medium
 def test_the_same_capture_gives_the_same_bytes(runner):
     scene = tabletops.tabletop((tabletops.bowl(WHITE), factories.pose(0.03, -0.1)))
     first, second = (runner.encode(segmented(runner, scene.capture)) for _ in range(2))
@@ -247,6 +257,7 @@ def test_real_clutter_is_split(runner, number):
     assert np.mean([row[4] for row in table.rows if row[5] == "found"]) > 0.85
 
 
+@pytest.mark.medium
 def test_the_robot_is_no_object_but_hides_one(runner):
     scene = tabletops.tabletop(
         (tabletops.box(0.2, 0.05, 0.1, RED), factories.pose(0.0, 0.05)),

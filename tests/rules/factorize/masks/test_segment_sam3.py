@@ -59,6 +59,7 @@ def run(tmp_path: Path, weights: dict[str, Path], photograph: Photograph, elemen
     )
 
 
+@pytest.mark.medium
 def test_the_models_run_and_give_the_same_masks_again(tmp_path, weights, photograph) -> None:
     options = {"box_score": 0.0, "mask_score": 0.0, "mask_probability": 0.3, "box_overlap": 0.0}
     found = [run(tmp_path / name, weights, photograph, things(red=None, blue=RIGHT), **options) for name in "ab"]

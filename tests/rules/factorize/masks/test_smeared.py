@@ -33,6 +33,7 @@ def with_smear(scene: tabletops.Tabletop) -> Capture:
     return factories.rgbd(pixels, depth, scene.capture.photograph.camera)
 
 
+@pytest.mark.medium
 def test_a_smear_stays_in_the_background_with_a_warning(tmp_path):
     scene = tabletops.tabletop((BOX, factories.pose(-0.1, 0.0, yaw=0.4)), lens=tabletops.FINE)
     runner = RuleRunner(tmp_path)
@@ -56,6 +57,7 @@ def test_a_body_of_few_pixels_is_no_smear(tmp_path):
     assert len(found.names) == 1
 
 
+@pytest.mark.medium
 def test_if_nothing_can_become_a_body_each_reason_is_told(tmp_path):
     scene = tabletops.tabletop((tabletops.box(0.1, 0.1, 0.002, (0.8, 0.2, 0.2)), factories.pose()), lens=tabletops.FINE)
     with pytest.raises(RuleError, match="no segmented object yields a valid body") as caught:

@@ -42,6 +42,7 @@ def lower_part_cut(capture: Capture, rows: int) -> Capture:
     return factories.rgbd(photo.rgb.pixels[:rows].copy(), measured.depth.depth[:rows].copy(), lens)
 
 
+@pytest.mark.medium
 def test_a_can_that_the_border_cuts_beyond_its_axis_is_an_object(tmp_path):
     found, warnings = parsed(tmp_path, with_can(0.5 * CAN_M))
     cut = {element.name: element.cut for element in found if element.interactive}
@@ -52,6 +53,7 @@ def test_a_can_that_the_border_cuts_beyond_its_axis_is_an_object(tmp_path):
     ]
 
 
+@pytest.mark.medium
 def test_a_can_of_which_little_is_in_view_stays_in_the_room_and_is_named(tmp_path):
     found, warnings = parsed(tmp_path, with_can(-0.5 * CAN_M))
     assert [element.cut for element in found if element.interactive] == [False]
@@ -62,6 +64,7 @@ def test_a_can_of_which_little_is_in_view_stays_in_the_room_and_is_named(tmp_pat
     assert f"in the box {list(static.box or ())}" in warning
 
 
+@pytest.mark.medium
 def test_how_far_a_box_continues_is_not_guessed(tmp_path):
     box = tabletops.box(0.12, 0.1, 0.12, BLUE)
     scene = tabletops.tabletop(INSIDE, (box, factories.pose(0.44, 0.0)), half=0.9, lens=tabletops.FINE)
@@ -70,6 +73,7 @@ def test_how_far_a_box_continues_is_not_guessed(tmp_path):
     assert "too little of it is in view to make a body" in warning
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(("share", "movable"), [(0.75, True), (0.35, False)])
 def test_a_foot_below_the_picture_is_on_the_support_beside_it(tmp_path, share, movable):
     scene = tabletops.tabletop(

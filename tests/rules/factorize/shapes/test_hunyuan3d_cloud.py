@@ -101,6 +101,7 @@ def test_a_mesh_comes_from_the_photograph_alone(complete, service, mug):
     assert service.seen == ["Submit", "Query", "Query", "Query", "Query", "File"]
 
 
+@pytest.mark.medium
 def test_the_picture_shows_the_object_on_white_and_nothing_else(complete, service, mug):
     complete()
     sent = np.asarray(Image.open(io.BytesIO(service.picture())))
@@ -115,6 +116,7 @@ def test_the_picture_shows_the_object_on_white_and_nothing_else(complete, servic
     assert (rows[0] + rows[-1]) / 2 == pytest.approx(sent.shape[0] / 2, abs=4)
 
 
+@pytest.mark.medium
 def test_the_answer_is_replayed_without_service_and_secrets(complete, service, monkeypatch):
     first = complete()
     for name in ("DXB_HUNYUAN_URL", "TENCENTCLOUD_SECRET_ID", "TENCENTCLOUD_SECRET_KEY"):
@@ -132,6 +134,7 @@ def test_options_reach_the_service(complete, service):
     assert "FaceCount" not in told
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     "faults",
     [
@@ -188,6 +191,7 @@ def test_a_wrong_or_missing_secret(complete, service, monkeypatch, name):
     assert service.submitted == []
 
 
+@pytest.mark.medium
 def test_a_job_of_an_earlier_build_is_waited_for(complete, service):
     service.faults = {"Query": ["InternalError"] * 4}
     with pytest.raises(MachineError):
@@ -196,6 +200,7 @@ def test_a_job_of_an_earlier_build_is_waited_for(complete, service):
     assert len(service.submitted) == 1
 
 
+@pytest.mark.medium
 def test_a_job_that_expired_is_submitted_again(complete, service):
     service.faults = {"Query": ["InternalError"] * 4}
     with pytest.raises(MachineError):

@@ -90,6 +90,7 @@ def test_a_box_within_three_millimetres(tmp_path, size, yaw, eye, seed):
     assert found.rival.gap == pytest.approx(found.scores["box"] - found.scores[found.rival.hypothesis])
 
 
+@pytest.mark.medium
 def test_a_size_that_is_not_seen_is_uncertain(tmp_path):
     """From 14 degrees above, the depth of a tall box is guessed; from 40 degrees its top face shows it."""
     low, high = (
@@ -103,6 +104,7 @@ def test_a_size_that_is_not_seen_is_uncertain(tmp_path):
     assert high.rival is None, "there is no other hypothesis"
 
 
+@pytest.mark.medium
 def test_a_depth_that_is_not_seen_is_said_to_be_guessed(tmp_path):
     seen = synthetic.view(box(0.09, 0.06, 0.2), synthetic.Eye(pitch_deg=14))
     runner = RuleRunner(tmp_path)
@@ -204,6 +206,7 @@ def test_a_box_that_leans(tmp_path):
     assert np.arccos(found.pose.matrix[2, 2]) == pytest.approx(turn, abs=0.05)
 
 
+@pytest.mark.medium
 def test_a_can_on_a_box_stands_on_the_box(tmp_path):
     carrier = box(0.2, 0.16, 0.06)
     body = can(0.033, 0.1).moved(transforms.rigid(np.eye(3), np.array([0.0, 0.0, 0.06])))
@@ -215,6 +218,7 @@ def test_a_can_on_a_box_stands_on_the_box(tmp_path):
     assert found.mesh.extent == pytest.approx([0.066, 0.066, 0.1], abs=0.006)
 
 
+@pytest.mark.medium
 def test_a_handle_below_the_base_is_refused(monkeypatch):
     """Something else that the mask holds: the body would stand on it."""
     seen = synthetic.view(synthetic.cup(0.035, 0.04, 0.09, 0.004, 0.006), synthetic.Eye())
@@ -236,12 +240,14 @@ def test_a_bowl_that_overhangs_stands_on_the_support(tmp_path):
     assert evidence.gather(object_views.seen(seen)).base == 0.0
 
 
+@pytest.mark.medium
 def test_the_same_view_gives_the_same_bytes(tmp_path):
     seen = synthetic.view(synthetic.placed(box(0.1, 0.07, 0.05), 0, 0, 20), synthetic.Eye())
     first, second = (shape_of(seen, tmp_path, hypotheses=("box", "cylinder")) for _ in range(2))
     assert first.encode(lambda data: str(hash(data))) == second.encode(lambda data: str(hash(data)))
 
 
+@pytest.mark.medium
 def test_what_stands_in_front_does_not_shorten_the_box(tmp_path):
     body = synthetic.placed(box(0.16, 0.08, 0.12), 0, 0, 20)
     post = solids.box((0.03, 0.03, 0.3), (-0.02, -0.2, 0.15))
@@ -361,6 +367,7 @@ def test_the_facing_mirror_swaps_front_and_back():
     assert mirror @ [1.0, 0, 0] == pytest.approx([1.0, 0, 0], abs=1e-9)
 
 
+@pytest.mark.medium
 def test_a_body_does_not_hover(tmp_path):
     """A box on low wheels that nobody sees stands on the support; without the rule, a box in the air won by 0.001."""
     wheels = [solids.box((0.02, 0.004, 0.024), (x, y, 0.012)) for x in (-0.04, 0.04) for y in (-0.02, 0.02)]

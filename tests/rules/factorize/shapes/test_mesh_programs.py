@@ -49,6 +49,7 @@ def runner(tmp_path: Path, name: str, gpu_gb: float = 80.0) -> RuleRunner:
     return RuleRunner(tmp_path / "scratch", project=tmp_path, weights=weights, gpu_gb=gpu_gb)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("name", WEIGHTS)
 def test_a_closed_standing_mesh_is_made_of_the_picture_alone(tmp_path: Path, name: str) -> None:
     (tmp_path / "scratch").mkdir()
@@ -71,6 +72,7 @@ def test_what_the_machine_lacks_is_told_with_the_next_step(tmp_path: Path, name:
     assert f".envs/{name}" in needs
 
 
+@pytest.mark.medium
 def test_the_mesh_of_sam_3d_objects_is_reduced_and_keeps_its_colours(tmp_path: Path) -> None:
     (tmp_path / "scratch").mkdir()
     generators.environment(tmp_path, "sam3d_objects", generators.SAM3D)

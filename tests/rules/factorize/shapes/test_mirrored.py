@@ -96,6 +96,7 @@ def test_it_wins_where_the_families_fit_badly(tmp_path: Path) -> None:
     assert distance(found, body) < 0.5 * distance(family, body)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     "body",
     [solids.box((0.1, 0.07, 0.05), (0, 0, 0.025)), synthetic.cup(0.03, 0.042, 0.1, 0.004, 0.006)],
@@ -108,6 +109,7 @@ def test_a_family_that_fits_wins(tmp_path: Path, body: Solid) -> None:
     assert found.scores["mirrored"] < found.scores[found.hypothesis] - 0.05
 
 
+@pytest.mark.medium
 def test_the_body_equals_its_mirror_image(tmp_path: Path) -> None:
     found = mirrored(synthetic.view(synthetic.placed(duck(), 0.0, 0.0, 20), synthetic.Eye()), tmp_path)
     points = metrics.sample_surface(found.mesh.vertices.astype(np.float64), found.mesh.faces, 4000, 0)
@@ -134,6 +136,7 @@ def test_a_hole_and_a_gap_of_the_mask_and_lost_depth(tmp_path: Path) -> None:
     assert distance(found, body) < 0.004
 
 
+@pytest.mark.medium
 def test_what_something_nearer_hides_is_filled(tmp_path: Path) -> None:
     body = synthetic.placed(lumps(), 0.0, 0.0, 0)
     post = solids.box((0.016, 0.016, 0.2), (0.0, -0.15, 0.1))

@@ -26,6 +26,7 @@ def test_the_right_body_is_recognised_in_any_turn_and_unit(turn_deg, unit):
     assert found.iou > 0.9
 
 
+@pytest.mark.medium
 def test_another_body_explains_less():
     bracket, mug = object_views.bracket(), object_views.mug()
     right = explain(bracket.vertices, bracket.faces, *seen(bracket, 20.0)).iou
@@ -33,6 +34,7 @@ def test_another_body_explains_less():
     assert right > wrong + 0.2
 
 
+@pytest.mark.medium
 def test_occluded_pixels_do_not_count():
     bracket = object_views.bracket()
     mask, occluder = seen(bracket, 20.0)

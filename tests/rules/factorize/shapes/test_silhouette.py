@@ -36,6 +36,7 @@ def made(folder: Path, **inputs: object) -> Shape:
     return shape
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(("body", "family"), [(CAN, "cylinder"), (BOX, "box")])
 def test_size_place_and_family_of_a_standing_thing(tmp_path, body, family):
     found = made(tmp_path, **looks(synthetic.placed(body, 0.08, -0.05, 25)))
@@ -73,6 +74,7 @@ def test_a_handle_is_found_beside_a_mug_and_does_not_widen_it(tmp_path, turn_deg
     assert found.pose.covariance[5, 5] > 0.3**2
 
 
+@pytest.mark.medium
 def test_the_tilt_of_the_camera_widens_the_interval_of_the_size(tmp_path):
     covariance = np.zeros((6, 6))
     covariance[3, 3] = np.radians(10.0) ** 2
@@ -81,6 +83,7 @@ def test_the_tilt_of_the_camera_widens_the_interval_of_the_size(tmp_path):
     assert unsure.mesh.extent == pytest.approx(sure.mesh.extent)
 
 
+@pytest.mark.medium
 def test_any_unit_of_length_gives_the_same_thing(tmp_path):
     metres, halves = made(tmp_path, **looks(BOX)), made(tmp_path, **looks(BOX, unit=0.5))
     assert halves.mesh.extent == pytest.approx(2 * metres.mesh.extent, rel=0.03)

@@ -28,6 +28,7 @@ def taken(tmp_path: Path, **options: object) -> RobotViews:
     return found
 
 
+@pytest.mark.medium
 def test_board_and_depth_are_where_the_joints_say(tmp_path: Path) -> None:
     exact = {"errors": {"encoder_sigma_deg": 0.0}, "depth_noise": {"subpixel_px": 0.0}}
     views = taken(tmp_path, **exact)
