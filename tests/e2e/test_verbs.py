@@ -124,6 +124,7 @@ def test_init_new_and_check_make_a_project_that_builds(tmp_path, space):
     assert space.dxb("new", "recipe", "toy/scene").out.strip() == "recipes/toy/scene.yaml"
     assert space.dxb("new", "rule", "NotAName").code == 2
     assert "toy.bright" in space.dxb("ls", "rules").out
+    (space.root / "capture").mkdir()
     assert "twin/fresh\tsound" in space.dxb("check", "twin/fresh").out
 
 

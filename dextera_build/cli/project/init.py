@@ -66,7 +66,6 @@ def run(args: argparse.Namespace) -> int:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
         print(path)
-    (root / "capture").mkdir(exist_ok=True)  # `dxb check` finds the recipe sound before it has a photograph
     cd = "" if root.resolve() == Path.cwd() else f"cd {shlex.quote(str(root))} && "
     print(_NEXT.format(capture=root / "capture", cd=cd, name=name), end="", file=sys.stderr)
     return 0
