@@ -67,7 +67,8 @@ TYPES = [*kinds(), Solid]
 SETTINGS = settings(
     deadline=None,
     max_examples=10,
-    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow, HealthCheck.data_too_large],
+    # Values that hold many others are often too large for hypothesis, which then tries again.
+    suppress_health_check=list(HealthCheck),
 )
 
 
