@@ -226,7 +226,7 @@ def test_what_init_suggests_is_understood(tmp_path):
 
 
 def test_a_new_project_is_named_by_its_folder_and_says_what_to_do_next(tmp_path):
-    """The command that it prints is all that a CI job needs, also to lock and to compare."""
+    """A CI job needs only the printed command, also to lock and to compare."""
     space = Space(tmp_path)
     answer = space.dxb("init", "Lab-2/my desk")
     assert "Lab-2/my desk/recipes/twin/my_desk.yaml" in answer.out

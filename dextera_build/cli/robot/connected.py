@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +16,7 @@ from dextera_build.cli import built, options
 
 if TYPE_CHECKING:
     from dextera_build.artifacts.tasks.task import TaskBundle, View
+    from dextera_build.deploying.bag import Bag
     from dextera_build.deploying.cell import RosCell
     from dextera_build.deploying.checkup import Check
     from dextera_build.deploying.topics import Topics
@@ -112,7 +116,38 @@ def refuse(args: argparse.Namespace, here: Connected, transport: Transport, cell
         )
 
 
-def verdict(args: argparse.Namespace) -> bool | None:
+@contextmanager
+def recorded(args: argparse.Namespace, out: Path) -> Iterator[tuple[Transport, Bag]]:
+    """The robot's DDS domain and a recording, both closed at the end; a robot that is not ready leaves no recording."""
+    from dextera_build.deploying.bag import Bag
+    from dextera_build.errors import MachineError
+
+    robot, bag = transport(args, (args.robot,)), Bag.create(out)
+    try:
+        yield robot, bag
+    except MachineError:
+        out.unlink()
+        raise
+    finally:
+        robot.close()
+        bag.close()
+
+
+def judged(args: argparse.Namespace, bag: Bag, told: dict[str, Any], success: bool | None) -> None:
+    """Record what happened, and the verdicts of the measurements and of the operator."""
+    from dextera_build.deploying.bag import SUMMARY, VERDICT
+
+    bag.state(SUMMARY, time.time_ns(), told)
+    bag.state(VERDICT, time.time_ns(), {"measured": success, "operator": _verdict(args)})
+
+
+def tell(args: argparse.Namespace, told: dict[str, Any], out: Path) -> None:
+    """Print what happened, and the recording."""
+    told["recording"] = str(out)
+    print(json.dumps(told) if args.json else "\n".join(f"{name}\t{value}" for name, value in told.items()))
+
+
+def _verdict(args: argparse.Namespace) -> bool | None:
     """The operator's verdict, if one sits there."""
     if args.json or not sys.stdin.isatty():
         return None

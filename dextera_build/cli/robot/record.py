@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from typing import TYPE_CHECKING
@@ -21,16 +20,14 @@ LOOK_S = 0.02
 
 def run(args: argparse.Namespace) -> int:
     """Record until the task is done, the time is over, or Ctrl-C; exit with 1 if measurements failed."""
-    from dextera_build.deploying.bag import ABOUT, SUMMARY, VERDICT, Bag
+    from dextera_build.deploying.bag import ABOUT
     from dextera_build.deploying.cell import RosCell
     from dextera_build.deploying.demonstration import Demonstration
     from dextera_build.deploying.driving import facts
-    from dextera_build.errors import MachineError
 
     here = connected.opened(args)
     out = connected.recording(args, here, "recordings")
-    transport, bag = connected.transport(args, (args.robot,)), Bag.create(out)
-    try:
+    with connected.recorded(args, out) as (transport, bag):
         cell = RosCell(transport, here.topics, here.bundle, NEEDED, bag=bag)
         made = Demonstration(transport, here.topics, here.bundle, cell, bag)
         connected.refuse(args, here, transport, cell)
@@ -39,16 +36,8 @@ def run(args: argparse.Namespace) -> int:
         reason, faulty = _recorded(made, cell.rate_hz, args.limit or here.bundle.task.timeout_s)
         made.end(reason)
         told = {"reason": reason, "success": made.success, "steps": made.steps}
-        bag.state(SUMMARY, time.time_ns(), told)
-        bag.state(VERDICT, time.time_ns(), {"measured": made.success, "operator": connected.verdict(args)})
-    except MachineError:
-        out.unlink()  # nothing was recorded
-        raise
-    finally:
-        transport.close()
-        bag.close()
-    told["recording"] = str(out)
-    print(json.dumps(told) if args.json else "\n".join(f"{name}\t{value}" for name, value in told.items()))
+        connected.judged(args, bag, told, made.success)
+    connected.tell(args, told, out)
     return 1 if faulty else 0
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from typing import TYPE_CHECKING, Any
@@ -37,10 +36,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Check the robot, run the policy, and write the recording; exit with 1 unless the run ended by itself."""
-    from dextera_build.deploying.bag import ABOUT, Bag
+    from dextera_build.deploying.bag import ABOUT
     from dextera_build.deploying.cell import RosCell
     from dextera_build.deploying.driving import facts
-    from dextera_build.errors import MachineError
     from dextera_build.running import called
 
     safety = _safety(args)
@@ -48,23 +46,14 @@ def run(args: argparse.Namespace) -> int:
     with called.shown(here.session.project.library):
         policy, digest = acting.policy(args, here)
         out = connected.recording(args, here, "runs")
-        transport = connected.transport(args, (args.robot,))
-        bag = Bag.create(out)
         needed = [channel.name for channel in policy.contract.inputs]
-        try:
+        with connected.recorded(args, out) as (transport, bag):
             cell = RosCell(transport, here.topics, here.bundle, needed, safety, bag)
             connected.refuse(args, here, transport, cell)
             about = {"policy": digest, "algorithm": policy.contract.algorithm, "origin": "policy"}
             bag.state(ABOUT, time.time_ns(), facts(cell, here.bundle) | about)
             ran, told = _driven(args, here, cell, policy, bag)
-        except MachineError:
-            out.unlink()  # nothing was run
-            raise
-        finally:
-            transport.close()
-            bag.close()
-    told["recording"] = str(out)
-    print(json.dumps(told) if args.json else "\n".join(f"{name}\t{value}" for name, value in told.items()))
+    connected.tell(args, told, out)
     return 1 if ran.faulty else 0
 
 
@@ -94,7 +83,6 @@ def _driven(
     import numpy as np
 
     from dextera_build.deploying.ahead import Ahead
-    from dextera_build.deploying.bag import SUMMARY, VERDICT
     from dextera_build.deploying.driving import drive
     from dextera_build.sim.primitives import catalogue
 
@@ -110,6 +98,5 @@ def _driven(
         limit_s=args.limit or task.timeout_s,
     )
     told = ran.facts() | (ahead.facts() if ahead else {})
-    bag.state(SUMMARY, time.time_ns(), told)
-    bag.state(VERDICT, time.time_ns(), {"measured": ran.success, "operator": connected.verdict(args)})
+    connected.judged(args, bag, told, ran.success)
     return ran, told

@@ -31,7 +31,7 @@ def attempt(bundle: TaskBundle, run: RobotRun, number: int) -> Attempt:
     Args:
         bundle: The task in the twin.
         run: Its recording.
-        number: Stands for the seed of a start, which a robot does not have.
+        number: Taken as the seed of the start, because a robot's start has none.
     """
     if not len(run.sent) or not run.complete:
         return Attempt(seed=number, excluded=UNSEEN if len(run.sent) else UNMOVED)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def hand_part(ctx: Context, options: ImportedRobotOptions, links: list[str], sites: Mapping[str, Frame]) -> PartOptions:
-    """The part that `attach` stands for.
+    """The hand of `attach`, as a part of the robot.
 
     Args:
         ctx: Context for errors.
