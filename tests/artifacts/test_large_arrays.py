@@ -39,7 +39,7 @@ print(peak() - before)
 """
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_an_array_larger_than_the_bound_is_stored_and_read_within_it(tmp_path: Path) -> None:
     def run(what: str) -> tuple[str, float]:
         command = [sys.executable, "-c", PROGRAM, str(tmp_path / "store"), what, str(SIZE_MIB * 256)]

@@ -31,7 +31,7 @@ def test_a_vessel_holds_what_fits_into_it() -> None:
         assert max(x, y) < np.linalg.norm(points[:, :2], axis=1).max()
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_picture_shows_every_pixel_of_its_things_and_is_the_same_again() -> None:
     shots = []
     for _ in range(2):

@@ -177,7 +177,7 @@ def test_a_phrase_of_the_recipe_becomes_a_point(project):
     assert names(bind.Naming(project, "twin/desk").bind()) == {"beaker": "beaker", "mug": "cup"}
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_on_a_new_photograph_a_phrase_decides_and_a_point_is_refused(project):
     naming = bind.Naming(project, "twin/desk")
     naming.bind("cup", Binding(properties={"phrase": "mug"}))

@@ -105,7 +105,7 @@ def test_whatever_was_lost_the_next_build_is_right(fate: list[tuple[str, float]]
         assert verify(Store(root)).is_whole
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None, phases=QUICK)
 @given(fate=st.lists(HOW, min_size=60, max_size=60))
 def test_what_was_flushed_is_not_built_again(fate: list[tuple[str, float]]) -> None:

@@ -83,7 +83,7 @@ def result(space: Space) -> bytes:
     return (space.root / "cache/out/say/forge/made/made").read_bytes()
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @pytest.mark.parametrize("edited", [False, True])
 def test_a_build_after_a_kill_waits_for_the_same_job(forging: Space, service: JobService, edited: bool) -> None:
     end_while_polling(forging, service, signal.SIGKILL)

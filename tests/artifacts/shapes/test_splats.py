@@ -26,7 +26,7 @@ def same(first: Splats, second: Splats, tolerance: float) -> bool:
     return all(a.shape == b.shape and np.allclose(a, b, rtol=tolerance, atol=1e-7) for a, b in arrays)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @given(values(Splats))
 @settings(deadline=None, max_examples=30)
 def test_a_file_gives_back_what_was_saved(tmp_path_factory, made):

@@ -87,7 +87,7 @@ def test_a_filled_template_is_a_capture(space, tmp_path):
     assert (found.effector_frame, found.board.kind, found.joints.names) == ("flange", "charuco", ("joint_1", "joint_2"))
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_recipe_for_a_urdf_builds_at_once(space):
     for name, data in arm().files.items():
         path = space.root / "robots" / name
@@ -105,7 +105,7 @@ def test_a_recipe_for_a_urdf_builds_at_once(space):
     assert built.code == 0, built.err
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_recipe_for_an_mjcf_has_its_keyframe_as_home(space, tmp_path):
     for name, data in hand().files.items():
         path = tmp_path / "elsewhere" / name

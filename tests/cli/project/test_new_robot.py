@@ -38,7 +38,7 @@ def written(space: Space, name: str) -> dict[str, Any]:
     return strict_yaml.parse(text, name).plain()
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_files_from_elsewhere_are_copied_so_that_every_recipe_can_use_the_robot(space, tmp_path):
     folder = put(
         tmp_path / "elsewhere", {**arm().files, "arm_description/LICENSE": b"MIT", "arm_description/notes.txt": b""}

@@ -61,7 +61,7 @@ def run(folder: Path, weights: Path, video: Video) -> tuple[MaskTrack, str]:
     return found, runner.outcome.line
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_tracker_runs_and_gives_the_same_masks_again(tmp_path: Path, weights: Path, video: Video) -> None:
     (first, _), (second, _) = (run(tmp_path / name, weights, video) for name in "ab")
     assert first.file == second.file

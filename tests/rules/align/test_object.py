@@ -162,7 +162,7 @@ def test_a_placement_that_misses_the_mask_is_refused(runner):
     assert "covers the mask with IoU 0." in runner.outcome.warnings[0], "one bad shape does not cost the scene"
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_placement_in_free_space_is_refused(runner):
     seen = object_views.view(BOX, TRUTH)
     rows, columns = np.nonzero(seen.view.mask)

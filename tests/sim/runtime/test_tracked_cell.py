@@ -100,7 +100,7 @@ def test_frames_come_at_the_rate_of_the_camera(environment):
     assert sighting.frames == pytest.approx(0.75 * len(episode.action), abs=1)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_while_nothing_is_seen_the_last_pose_holds(environment):
     start = environment.draw(1)
     with TrackedCell(environment, cells.cell(), ()) as watching:

@@ -136,7 +136,7 @@ def test_inverted_poses_are_told(tmp_path: Path) -> None:
     refused(tmp_path, views.model_copy(update={"effectors": rows}), "poses are those of the base in the effector")
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ["xyz", "ZYX"])
 def test_euler_angles_are_told_in_both_directions(tmp_path: Path, order: str) -> None:
     views, _ = boards.taken(boards.MARKER)
@@ -155,7 +155,7 @@ def test_euler_angles_are_told_in_both_directions(tmp_path: Path, order: str) ->
         assert f"axes {order.lower()}" in str(error)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_cause_that_does_not_explain_the_pictures_is_not_named(tmp_path: Path) -> None:
     views, _ = boards.taken(boards.MARKER)
     assert views.effectors is not None

@@ -79,7 +79,7 @@ def test_a_camera_on_the_gripper_sees_a_chessboard(tmp_path: Path) -> None:
     assert (np.sort(spread(capture, found)) < [1.7, 1.8, 3.6]).all()
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_rotation_vectors_read_as_euler_angles_are_told(tmp_path: Path) -> None:
     capture = views("franka_eye_in_hand", LARGER)
     assert capture.effectors is not None

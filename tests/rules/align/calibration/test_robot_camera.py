@@ -110,7 +110,7 @@ def test_a_wrong_calibration_is_refused(folder: Path, tmp_path: Path) -> None:
         )
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_degrees_and_unknown_joints_are_refused(folder: Path, tmp_path: Path) -> None:
     taken = views(folder)
     assert taken.joints is not None

@@ -43,7 +43,14 @@ def rests_at(hulls: tuple[Hull, ...], radius: float, above: float) -> float:
 
 
 @pytest.mark.medium
-@pytest.mark.parametrize(("name", "floor"), [("bowl", 0.005), ("cup", 0.004), ("mug", 0.004)])
+@pytest.mark.parametrize(
+    ("name", "floor"),
+    [
+        ("mug", 0.004),
+        pytest.param("bowl", 0.005, marks=pytest.mark.slow),
+        pytest.param("cup", 0.004, marks=pytest.mark.slow),
+    ],
+)
 def test_a_ball_dropped_into_a_container_ends_inside(runner, name, floor):
     vessel = object_views.mesh(getattr(object_views, name)())
     made = pieces(runner, object_views.body(vessel, hollow=True))
@@ -150,7 +157,7 @@ def test_neither_a_box_nor_an_arch_has_a_cavity():
     assert cavity.fill(cavity.find(box), (Hull(vertices=box.vertices),)) is None
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_what_takes_coacd_too_long_is_cut_into_wedges(runner):
     import manifold3d
 

@@ -51,7 +51,7 @@ def test_a_rigid_object_is_one_link(runner):
 
 @pytest.mark.medium
 @pytest.mark.parametrize("opening", ANGLES)
-@pytest.mark.parametrize("overlap", [0.0, 0.004])
+@pytest.mark.parametrize("overlap", [0.0, pytest.param(0.004, marks=pytest.mark.slow)])
 def test_the_hinge_lies_in_the_crease_and_stands_at_the_true_angle(laptop, opening, overlap):
     _, body = laptop(opening, overlap)
     (joint,) = body.joints

@@ -92,7 +92,7 @@ def test_one_part_alone_has_no_joint(tmp_path: Path) -> None:
         articulated(tmp_path, particulate={"least_confidence": 0.5})
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_an_error_that_infer_goes_on_after_is_told(tmp_path: Path) -> None:
     with pytest.raises(RuleError) as caught:
         articulated(tmp_path, particulate={"least_confidence": 1.0})

@@ -54,7 +54,7 @@ def place(warning: str) -> tuple[int, ...]:
     return tuple(int(number) for number in warning.split("box [")[1].split("]")[0].split(","))
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_glass_is_told_with_its_place_and_a_picture(tmp_path):
     capture, glass = with_glass(seen_through=0.5)
     runner = RuleRunner(tmp_path)
@@ -81,7 +81,7 @@ def test_what_is_left_of_a_glass_is_no_body(tmp_path):
     assert "which is a part of it, is no body" in warning
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_lost_depth_beside_things_or_on_the_bare_table_is_no_thing(tmp_path):
     scene = tabletops.tabletop(BOX, lens=tabletops.FINE)
     assert scene.capture.measured is not None

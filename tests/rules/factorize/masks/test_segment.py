@@ -228,7 +228,7 @@ def real(runner, name: str):
     [
         ("table_mustard", (352, 88, 479, 341)),
         pytest.param("table_blue_mug", (270, 164, 424, 328), marks=pytest.mark.slow),
-        ("table_white_bowl", (284, 226, 460, 342)),
+        pytest.param("table_white_bowl", (284, 226, 460, 342), marks=pytest.mark.slow),
         pytest.param("table_cheezit", (346, 48, 505, 330), marks=pytest.mark.slow),
         pytest.param("table_sugar", (346, 88, 460, 334), marks=pytest.mark.slow),
     ],

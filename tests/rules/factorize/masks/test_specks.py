@@ -14,8 +14,11 @@ BOX = (tabletops.box(0.1, 0.08, 0.15, (0.8, 0.2, 0.2)), factories.pose(-0.12, 0.
 @pytest.mark.medium
 @pytest.mark.parametrize(
     ("colour", "height", "bodies"),
-    [(TABLE, 0.018, 1), (BLUE, 0.018, 2), (TABLE, 0.04, 2)],
-    ids=["edge", "blue", "high"],
+    [
+        pytest.param(TABLE, 0.018, 1, id="edge"),
+        pytest.param(BLUE, 0.018, 2, id="blue", marks=pytest.mark.slow),
+        pytest.param(TABLE, 0.04, 2, id="high", marks=pytest.mark.slow),
+    ],
 )
 def test_a_strip_with_the_colours_of_the_table_is_a_part_of_it(tmp_path, colour, height, bodies):
     strip = tabletops.box(0.2, 0.012, height, colour)

@@ -53,7 +53,7 @@ def test_a_can_that_the_border_cuts_beyond_its_axis_is_an_object(tmp_path):
     ]
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_can_of_which_little_is_in_view_stays_in_the_room_and_is_named(tmp_path):
     found, warnings = parsed(tmp_path, with_can(-0.5 * CAN_M))
     assert [element.cut for element in found if element.interactive] == [False]
@@ -64,7 +64,7 @@ def test_a_can_of_which_little_is_in_view_stays_in_the_room_and_is_named(tmp_pat
     assert f"in the box {list(static.box or ())}" in warning
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_how_far_a_box_continues_is_not_guessed(tmp_path):
     box = tabletops.box(0.12, 0.1, 0.12, BLUE)
     scene = tabletops.tabletop(INSIDE, (box, factories.pose(0.44, 0.0)), half=0.9, lens=tabletops.FINE)

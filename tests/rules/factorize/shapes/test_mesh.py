@@ -70,7 +70,7 @@ def inside_and_in_cavity(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     [
         ((0.06, 0.158, 0.21), 25, synthetic.Eye(), 0),
         pytest.param((0.04, 0.09, 0.175), -35, synthetic.Eye(pitch_deg=28), 1, marks=pytest.mark.slow),
-        ((0.15, 0.10, 0.06), 3, synthetic.Eye(distance=1.0), 2),
+        pytest.param((0.15, 0.10, 0.06), 3, synthetic.Eye(distance=1.0), 2, marks=pytest.mark.slow),
     ],
 )
 def test_a_box_within_three_millimetres(tmp_path, size, yaw, eye, seed):
@@ -90,7 +90,7 @@ def test_a_box_within_three_millimetres(tmp_path, size, yaw, eye, seed):
     assert found.rival.gap == pytest.approx(found.scores["box"] - found.scores[found.rival.hypothesis])
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_size_that_is_not_seen_is_uncertain(tmp_path):
     """From 14 degrees above, the depth of a tall box is guessed; from 40 degrees its top face shows it."""
     low, high = (
@@ -247,7 +247,7 @@ def test_the_same_view_gives_the_same_bytes(tmp_path):
     assert first.encode(lambda data: str(hash(data))) == second.encode(lambda data: str(hash(data)))
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_what_stands_in_front_does_not_shorten_the_box(tmp_path):
     body = synthetic.placed(box(0.16, 0.08, 0.12), 0, 0, 20)
     post = solids.box((0.03, 0.03, 0.3), (-0.02, -0.2, 0.15))
@@ -367,7 +367,7 @@ def test_the_facing_mirror_swaps_front_and_back():
     assert mirror @ [1.0, 0, 0] == pytest.approx([1.0, 0, 0], abs=1e-9)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_body_does_not_hover(tmp_path):
     """A box on low wheels that nobody sees stands on the support; without the rule, a box in the air won by 0.001."""
     wheels = [solids.box((0.02, 0.004, 0.024), (x, y, 0.012)) for x in (-0.04, 0.04) for y in (-0.02, 0.02)]

@@ -50,7 +50,9 @@ def runner(tmp_path: Path, name: str, gpu_gb: float = 80.0) -> RuleRunner:
 
 
 @pytest.mark.medium
-@pytest.mark.parametrize("name", WEIGHTS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if number else []) for number, name in enumerate(WEIGHTS)]
+)
 def test_a_closed_standing_mesh_is_made_of_the_picture_alone(tmp_path: Path, name: str) -> None:
     (tmp_path / "scratch").mkdir()
     generators.environment(tmp_path, name, MODULES[name])
@@ -72,7 +74,7 @@ def test_what_the_machine_lacks_is_told_with_the_next_step(tmp_path: Path, name:
     assert f".envs/{name}" in needs
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_mesh_of_sam_3d_objects_is_reduced_and_keeps_its_colours(tmp_path: Path) -> None:
     (tmp_path / "scratch").mkdir()
     generators.environment(tmp_path, "sam3d_objects", generators.SAM3D)

@@ -83,7 +83,7 @@ def test_the_tilt_of_the_camera_widens_the_interval_of_the_size(tmp_path):
     assert unsure.mesh.extent == pytest.approx(sure.mesh.extent)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_any_unit_of_length_gives_the_same_thing(tmp_path):
     metres, halves = made(tmp_path, **looks(BOX)), made(tmp_path, **looks(BOX, unit=0.5))
     assert halves.mesh.extent == pytest.approx(2 * metres.mesh.extent, rel=0.03)
