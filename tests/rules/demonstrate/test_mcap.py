@@ -31,7 +31,7 @@ from dextera_build.formats.ros.cdr import Cdr
 from dextera_build.geometry import quaternions
 from dextera_build.sim.model import skins
 from dextera_build.testing import RuleRunner
-from tests import episodes
+from tests import episodes, readers
 
 STEPS = 7
 ONCE = ("/tf_static", "/robot_description", "/scene/objects", "/scene/static")
@@ -347,3 +347,15 @@ def test_rosbags_reads_it_too(folder: Folder, made: Episodes, tmp_path: Path, re
     np.testing.assert_array_equal(found["/wrench/tip_right"], episode.contact[:, 1])
     np.testing.assert_allclose(found["/tf"], np.roll(episode.objects[:, 0, 3:], -1, axis=1))
     assert found["qos"] == dict.fromkeys(ONCE, "TRANSIENT_LOCAL")
+
+
+@pytest.mark.slow
+def test_rerun_converts_robot_frames_joints_and_pictures(folder: Folder, made: Episodes, tmp_path: Path) -> None:
+    (tmp_path / "episode.mcap").write_bytes(folder.files["episode-000001.mcap"])
+    found = readers.read("rerun", "rerun_reader.py", tmp_path / "episode.mcap", tmp_path / "found.npz")
+    episode = made.items["1"]
+    np.testing.assert_array_equal(found["joints"], episode.joints)
+    np.testing.assert_allclose(found["place"], episode.objects[:, 0, :3], atol=1e-6)
+    assert len(found["images"]) == STEPS
+    assert found["resolution"].tolist() == [64, 48]
+    assert found["drawn"].tolist() == ["base", "link_1", "link_2", "link_3"]
