@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, TypeVar
 from dextera_build.cli import options
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterator
 
     from dextera_build.artifacts.base import Artifact
     from dextera_build.artifacts.tasks.policy import Checkpoint
     from dextera_build.artifacts.tasks.task import TaskBundle
     from dextera_build.artifacts.tasks.term import TermSpec
+    from dextera_build.policy.added import AddedTerm
     from dextera_build.policy.running import Runner
     from dextera_build.session import Session
 
@@ -127,3 +128,16 @@ def terms(session: Session, node: str, checkpoint: Checkpoint) -> Iterator[TermS
             for name in sorted(wanted & made.terms.keys()):
                 yield made.terms[name]
             wanted -= made.terms.keys()
+
+
+def measured(session: Session, node: str, terms: Collection[TermSpec]) -> tuple[AddedTerm, ...]:
+    """Terms with their functions, from the rules that declared them for what a policy learned from."""
+    from dextera_build.artifacts.tasks.term import TermSpec
+    from dextera_build.code.companions import beside
+    from dextera_build.explain import ancestors
+    from dextera_build.policy.added import of_specs
+    from dextera_build.running import called
+
+    rules = {event["rule"] for kind, event in ancestors.behind(session, node) if kind == TermSpec.name()}
+    files = [beside(session.project.library.find(rule), "") for rule in sorted(rules)]
+    return of_specs(terms, called.running({"terms": files}))

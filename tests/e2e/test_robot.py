@@ -10,13 +10,18 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from dextera_build import digest
 from dextera_build.artifacts.base import Artifact
-from dextera_build.artifacts.tasks.task import View
+from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.formats.ros import reading
+from dextera_build.policy import robot_run
+from dextera_build.sim.model.model import compile_folder
+from dextera_build.sim.runtime.palms import Palms
 from tests import factories, task_bundles
+from tests.e2e.page import blocks
 from tests.e2e.space import Space
 
 pytest.importorskip("cyclonedds", reason="needs cyclonedds (extra `ros`)")
@@ -106,6 +111,41 @@ nodes:
 targets:
   default: [policy, names, view]
 """
+FOLLOWS = """
+summary: A policy that sees a term of the project.
+extends: task/try
+nodes:
+  palm_to_object: {rule: terms.palm_to_object}
+  seen:
+    rule: demonstrate.operate
+    backend: stub
+    bundle: $task
+    episodes: 1
+    terms: {palm_to_object: $palm_to_object}
+  policy: {rule: learn.follow, bundle: $task, episodes: $seen}
+targets:
+  default: [policy]
+"""
+FOLLOW = (
+    LINE.replace("learn.line: a policy that goes to one place", "learn.follow: a policy that goes to the object")
+    .replace("Line", "Follow")
+    .replace("line", "follow")
+    .replace("import TaskBundle", "import TaskBundle\nfrom dextera_build.artifacts.tasks.episode import Episodes")
+    .replace("bundle: TaskBundle,", "bundle: TaskBundle, episodes: Episodes,")
+    .replace("of_bundle(bundle)", "of_bundle(bundle, terms=episodes.terms.values())")
+    .replace('contract.channel(here, "objects")', 'contract.channel(here, "palm_to_object")')
+)
+FOLLOWED = '''
+"""Runs policies of learn.follow."""
+import numpy as np
+
+def predict(checkpoint, bundle):
+    """Joint targets [m]: the rails go a tenth of the way from where they are to the object."""
+    def act(inputs, step):
+        way = 0.1 * inputs["palm_to_object"][0, 0]
+        return np.array([[*(inputs["joints"][0, 0, :3] + way), 0.04, 0.04]])
+    return act
+'''
 NAMES = ("--names", "task/try:names", "--domain", DOMAIN)
 SEEING = ("--view", "task/try:view")
 PICTURES = "/workspace/color/image_raw/compressed"
@@ -124,11 +164,16 @@ def stored(artifact: Artifact) -> str:
     return json.dumps({"key": artifact.encode(put), "blobs": blobs})
 
 
+def lift() -> TaskBundle:
+    """A task with long control periods, because the machine of a test is busy."""
+    made = task_bundles.lift()
+    return made.model_copy(update={"task": made.task.model_copy(update={"control_hz": 5.0})})
+
+
 @pytest.fixture
 def built(space: Space) -> Space:
-    """A project with a task whose control periods are long, because the machine of a test is busy."""
-    made = task_bundles.lift()
-    made = made.model_copy(update={"task": made.task.model_copy(update={"control_hz": 5.0})})
+    """A project with a task and a policy."""
+    made = lift()
     camera = factories.placed(factories.look_at((0.5, -0.5, 0.7)), "camera")
     space.write("data/task.json", stored(made))
     space.write("data/view.json", stored(View(camera=factories.camera(64, 48), camera_pose=camera)))
@@ -212,6 +257,31 @@ def test_a_policy_drives_a_robot_over_dds(built: Space) -> None:
     done = space.build("task/from_robot", "--input", "task=task/try:task", "--input", "runs=whole.mcap")
     assert done.code == 0, done.err[-3000:]
     assert "0 of 1" in space.dxb("show", "task/from_robot:trials").out
+
+
+@pytest.mark.slow
+def test_a_policy_sees_a_term_of_the_project_on_a_robot(built: Space) -> None:
+    space = built
+    space.write("rules/terms/palm_to_object.py", blocks("terms", "python")[0])
+    space.write("rules/learn/follow/follow.py", FOLLOW.lstrip())
+    space.write("rules/learn/follow/policy.py", FOLLOWED.lstrip())
+    space.write("recipes/task/follow.yaml", FOLLOWS)
+    done = space.build("task/follow")
+    assert done.code == 0, done.err[-3000:]
+    robot = started(space)
+    try:
+        code, _ = ran(space, "near.mcap", policy="task/follow:policy")
+    finally:
+        ended(robot)
+    assert code == 0
+    bundle = lift()
+    with (space.root / "near.mcap").open("rb") as stream:
+        run = robot_run.read(stream, "near.mcap", bundle)
+    palms = Palms(bundle.robot, compile_folder(bundle.model))
+    for measured, requested in zip(run.measured, run.requested, strict=False):
+        way = measured.objects[0, :3] - palms(measured.joints[None])[0, 0, :3]
+        assert requested[:3] == pytest.approx(measured.joints[:3] + 0.1 * way, abs=1e-5)
+    assert np.ptp(run.requested[:, :3], axis=0).max() > 0.01
 
 
 @pytest.mark.slow

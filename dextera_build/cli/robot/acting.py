@@ -9,7 +9,10 @@ from dextera_build.cli import built, options
 
 if TYPE_CHECKING:
     from dextera_build.cli.robot.connected import Connected
+    from dextera_build.policy.added import AddedTerm
     from dextera_build.policy.running import Policy
+
+    Found = tuple[Policy, str, tuple[AddedTerm, ...]]
 
 SOCKETS = ("ws://", "wss://")
 """Beginnings of addresses whose servers state what their policies take."""
@@ -30,8 +33,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def policy(args: argparse.Namespace, here: Connected) -> tuple[Policy, str]:
-    """The policy, ready to run, and the digest of its checkpoint.
+def policy(args: argparse.Namespace, here: Connected) -> Found:
+    """The policy, ready to run, the digest of its checkpoint, and the terms of its inputs that do not come with dxb.
 
     Raises:
         UsageError: It is no policy, or another program than `dxb serve` answers.
@@ -43,7 +46,7 @@ def policy(args: argparse.Namespace, here: Connected) -> tuple[Policy, str]:
     return _loaded(args, here)
 
 
-def _loaded(args: argparse.Namespace, here: Connected) -> tuple[Policy, str]:
+def _loaded(args: argparse.Namespace, here: Connected) -> Found:
     from dextera_build.artifacts.tasks.policy import Checkpoint
     from dextera_build.policy import robot_run
     from dextera_build.sim.runtime import policies
@@ -53,10 +56,11 @@ def _loaded(args: argparse.Namespace, here: Connected) -> tuple[Policy, str]:
     terms = tuple(built.terms(session, node, checkpoint))
     runner = built.runner(session, node, checkpoint)
     bundle = robot_run.told(here.bundle, checkpoint.contract)
-    return policies.load(runner, checkpoint, bundle, here.view, terms=terms), session.output(node)
+    loaded = policies.load(runner, checkpoint, bundle, here.view, terms=terms)
+    return loaded, session.output(node), built.measured(session, node, terms)
 
 
-def _asked(args: argparse.Namespace, here: Connected) -> tuple[Policy, str]:
+def _asked(args: argparse.Namespace, here: Connected) -> Found:
     """The policy behind an address; answers later than the guard allows end the run."""
     from dextera_build.deploying.cell import Safety
     from dextera_build.errors import UsageError
@@ -77,4 +81,4 @@ def _asked(args: argparse.Namespace, here: Connected) -> tuple[Policy, str]:
     settings = asked.promised(said.promise, args.policy, key_in, FIRST_S, Safety().answer_s)
     checkpoint = asked.elsewhere(asked.stated(said.promise, said.digest, settings))
     bundle = robot_run.told(here.bundle, checkpoint.contract)
-    return policies.load(asked, checkpoint, bundle, here.view), said.promise.policy
+    return policies.load(asked, checkpoint, bundle, here.view), said.promise.policy, ()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.cli.robot import acting, connected
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from dextera_build.deploying.bag import Bag
     from dextera_build.deploying.cell import RosCell, Safety
     from dextera_build.deploying.driving import Drive
+    from dextera_build.policy.added import AddedTerm
     from dextera_build.policy.running import Policy
 
 
@@ -44,15 +46,16 @@ def run(args: argparse.Namespace) -> int:
     safety = _safety(args)
     here = connected.opened(args)
     with called.shown(here.session.project.library):
-        policy, digest = acting.policy(args, here)
+        policy, digest, terms = acting.policy(args, here)
         out = connected.recording(args, here, "runs")
         needed = [channel.name for channel in policy.contract.inputs]
+        needed += ["objects", "displacement"] if terms else []  # a term may be computed from each
         with connected.recorded(args, out) as (transport, bag):
             cell = RosCell(transport, here.topics, here.bundle, needed, safety, bag)
             connected.refuse(args, here, transport, cell)
             about = {"policy": digest, "algorithm": policy.contract.algorithm, "origin": "policy"}
             bag.state(ABOUT, time.time_ns(), facts(cell, here.bundle) | about)
-            ran, told = _driven(args, here, cell, policy, bag)
+            ran, told = _driven(args, here, cell, policy, terms, bag)
     connected.tell(args, told, out)
     return 1 if ran.faulty else 0
 
@@ -77,14 +80,16 @@ def _safety(args: argparse.Namespace) -> Safety:
 
 
 def _driven(
-    args: argparse.Namespace, here: Connected, cell: RosCell, policy: Policy, bag: Bag
+    args: argparse.Namespace, here: Connected, cell: RosCell, policy: Policy, terms: Sequence[AddedTerm], bag: Bag
 ) -> tuple[Drive, dict[str, Any]]:
     """What happened, and as plain data with what the policy's thread did."""
     import numpy as np
 
     from dextera_build.deploying.ahead import Ahead
     from dextera_build.deploying.driving import drive
+    from dextera_build.sim.model.model import compile_folder
     from dextera_build.sim.primitives import catalogue
+    from dextera_build.sim.runtime import palms
 
     task = here.bundle.task
     print(f"{task.name} at {task.control_hz:g} Hz on {args.robot}; press Ctrl-C to stop", file=sys.stderr, flush=True)
@@ -96,6 +101,7 @@ def _driven(
         np.array(goal, np.float32),
         rate_hz=task.control_hz,
         limit_s=args.limit or task.timeout_s,
+        added=palms.added(here.bundle, compile_folder(here.bundle.model), terms),
     )
     told = ran.facts() | (ahead.facts() if ahead else {})
     connected.judged(args, bag, told, ran.success)

@@ -15,19 +15,16 @@ from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.artifacts.tasks.variation import EXACT
 from dextera_build.errors import RuleError
 from dextera_build.geometry import quaternions, transforms
-from dextera_build.policy.added import AddedTerm, AddedTerms
-from dextera_build.policy.layout import of_bundle
+from dextera_build.policy.added import AddedTerm
 from dextera_build.policy.observation import DeployableObservation, Frames, Measurement, deployable
-from dextera_build.policy.seen import Embodied
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.model.model import compile_folder
 from dextera_build.sim.primitives import catalogue
 from dextera_build.sim.primitives.grasp import Hands
 from dextera_build.sim.primitives.state import TaskState
 from dextera_build.sim.primitives.success import Judge
-from dextera_build.sim.runtime import starts
+from dextera_build.sim.runtime import palms, starts
 from dextera_build.sim.runtime.dynamics import Dynamics
-from dextera_build.sim.runtime.palms import Palms
 from dextera_build.sim.runtime.strata import Stratum
 
 RAMP = 5
@@ -106,7 +103,7 @@ class Environment:
         self.period_s = self.substeps * self.model.opt.timestep
         self._dynamics = Dynamics(bundle, self.model)
         self._index()
-        self.added = self._add(terms) if terms else None
+        self.added = palms.added(bundle, self.model, terms)
         """The terms that do not come with dxb."""
         self._known = _Frame.of(bundle.base_pose.matrix)
         self.begin(starts.photographed(bundle, self.model))
@@ -301,11 +298,6 @@ class Environment:
             speeds={name: self._qvel[speed : speed + 1].copy() for name, _, _, speed in self._inner},
             grasps=self.hands.grasps(self.model, self.data, self._target) if self.primitive.feels else {},
         )
-
-    def _add(self, terms: Sequence[AddedTerm]) -> AddedTerms:
-        target, base = list(self.bundle.objects).index(self.task.object), self.bundle.base_pose.matrix
-        embodied = Embodied(target, Palms(self.bundle.robot, self.model), base)
-        return AddedTerms(terms, of_bundle(self.bundle, terms=self.specs), embodied)
 
     def _set_goal(self, goal: Goal) -> None:
         """Set the objective."""

@@ -1,14 +1,19 @@
-"""Poses of the palms from encoder readings."""
+"""Poses of the palms from encoder readings, and the terms of projects, which may be computed from them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.geometry import poses, transforms
+from dextera_build.policy.added import AddedTerm, AddedTerms
+from dextera_build.policy.layout import of_bundle
+from dextera_build.policy.seen import Embodied
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.primitives.grasp import Hands
 from dextera_build.sim.render.robot_pixels import pose_robot
@@ -45,3 +50,21 @@ class Palms:
 
 def _motion(rotation: Any, position: Any) -> np.ndarray:
     return transforms.rigid(rotation.reshape(3, 3), position)
+
+
+def added(bundle: TaskBundle, model: mujoco.MjModel, terms: Sequence[AddedTerm]) -> AddedTerms | None:
+    """The terms that are added to a task, or None if there are none.
+
+    Args:
+        bundle: The task.
+        model: Its compiled model.
+        terms: Declarations and functions.
+
+    Raises:
+        RuleError: Two terms have the same name.
+    """
+    if not terms:
+        return None
+    target, base = list(bundle.objects).index(bundle.task.object), bundle.base_pose.matrix
+    layout = of_bundle(bundle, terms=[term.spec for term in terms])
+    return AddedTerms(terms, layout, Embodied(target, Palms(bundle.robot, model), base))
