@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
@@ -51,7 +50,7 @@ def dice(space):
 
 
 def divergent(space):
-    return json.loads(space.dxb("ls", "--json", "divergent").out)
+    return space.dxb("ls", "--json", "divergent").rows
 
 
 def test_an_exact_rule_allows_nothing(dice):
@@ -159,13 +158,13 @@ def product(ctx: Context) -> Numbers:
 @pytest.mark.medium
 def test_a_forced_node_keeps_its_first_output_and_says_so(dice):
     space = dice()
-    first = json.loads(space.dxb("show", "--json", "say/dice:d").out)["output"]
+    first = space.dxb("show", "--json", "say/dice:d").document["output"]
     space.write("shake.txt", "0.5")
     forced = space.build("say/dice", "--force", "d")
     assert forced.code == 0
     assert forced.nodes("ran") == {"d"}
     assert any("gave another output before, which is kept" in event.get("text", "") for event in forced.events)
-    assert json.loads(space.dxb("show", "--json", "say/dice:d").out)["output"] == first
+    assert space.dxb("show", "--json", "say/dice:d").document["output"] == first
     (row,) = divergent(space)
     assert row["first"] == first[:12]
     space.write("shake.txt", "0")

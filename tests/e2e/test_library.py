@@ -28,8 +28,7 @@ def built(tmp_path_factory) -> Space:
 def rows(space: Space, *words: str) -> list[dict]:
     answer = space.dxb("library", "--json", *words)
     assert answer.code == 0, answer.err
-    found: list[dict] = json.loads(answer.out)
-    return found
+    return answer.rows
 
 
 @pytest.mark.slow

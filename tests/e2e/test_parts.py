@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import pytest
 
 SOLIDS = """
@@ -68,11 +66,11 @@ def test_a_suffix_that_is_no_format_is_refused(built):
 
 
 def test_a_part_is_shown_with_its_facts_and_fields(built):
-    rows = json.loads(built.dxb("show", "say/solids:solids.items.two", "--json").out)
+    rows = built.dxb("show", "say/solids:solids.items.two", "--json").document
     assert rows["part"] == "say/solids:solids.items.two"
     assert rows["of"] == "say/solids:solids"
     assert rows["result"].startswith("4 vertices")
-    assert rows["field faces"] == "int32 (4, 3)"
+    assert rows["fields"]["faces"] == {"told": "int32 (4, 3)", "value": None, "dtype": "int32", "shape": [4, 3]}
 
 
 def test_a_field_that_is_not_there_is_told_with_the_nearest(built):
@@ -85,13 +83,13 @@ def test_a_field_that_is_not_there_is_told_with_the_nearest(built):
 
 def test_a_plan_is_in_the_order_of_the_build_and_its_numbers_are_numbers(space):
     space.write("recipes/say/backward.yaml", BACKWARD)
-    plan = json.loads(space.dxb("plan", "say/backward", "--json").out)
+    plan = space.dxb("plan", "say/backward", "--json").rows
     assert [row["node"] for row in plan] == ["start", "middle", "end"]
     assert [row["last_seconds"] for row in plan] == [None] * 3
     assert space.build("say/backward").code == 0
     for words in (("plan", "say/backward"), ("ls", "say/backward")):
-        assert all(isinstance(row["last_seconds"], float) for row in json.loads(space.dxb(*words, "--json").out))
-    assert all(isinstance(row["seconds"], float) for row in json.loads(space.dxb("ls", "runs", "--json").out))
+        assert all(isinstance(row["last_seconds"], float) for row in space.dxb(*words, "--json").rows)
+    assert all(isinstance(row["seconds"], float) for row in space.dxb("ls", "runs", "--json").rows)
 
 
 def test_names_that_are_nearly_right_are_told(space):

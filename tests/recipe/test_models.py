@@ -121,7 +121,7 @@ def test_other_weights_make_their_nodes_stale_and_no_others(voiced):
     why = voiced.dxb("why", "say/b:t").out
     assert "weights" in why
     assert "voice" in why
-    models = {row["model"]: row for row in json.loads(voiced.dxb("models", "ls", "--json").out)}
+    models = {row["model"]: row for row in voiced.dxb("models", "ls", "--json").rows}
     digest = models["voice"]["digest"]
     assert voiced.dxb("build", "say/b").code == 0
     first = next(row for row in (voiced.root / "models" / "voice").glob("*.json") if digest[:12] not in row.name)
@@ -141,7 +141,7 @@ def test_weights_of_another_version_than_described_are_refused(voiced):
 def test_damage_is_found_and_a_file_that_is_gone_counts_as_missing(voiced):
     voiced.settings["DXB_ACCEPT_LICENCES"] = "voice"
     voiced.write("voice.txt", "!")
-    folder = Path(json.loads(voiced.dxb("models", "add", "voice", "voice.txt", "--json").out)[0]["folder"])
+    folder = Path(voiced.dxb("models", "add", "voice", "voice.txt", "--json").rows[0]["folder"])
     assert voiced.dxb("models", "verify").out.endswith("\t-\n")
     (folder / "voice.txt").chmod(0o644)
     (folder / "voice.txt").write_text("?")
@@ -203,7 +203,7 @@ def test_every_bundled_model_can_be_read():
 @pytest.mark.slow
 def test_the_doctor_tells_of_weights_licence_and_memory_and_runs_the_self_test(voiced):
     def row(*flags: str) -> dict[str, object]:
-        rows = json.loads(voiced.dxb("doctor", "--json", *flags).out)
+        rows = voiced.dxb("doctor", "--json", *flags).rows
         return next(row for row in rows if row["what"] == "toy.spoken=voice")
 
     told = row()
