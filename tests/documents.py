@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from dextera_build.cli.documents import DOCUMENTS
@@ -17,8 +18,8 @@ _KINDS: Mapping[str, tuple[type, ...]] = {
     "object": (dict,),
     "list": (list,),
 }
-seen: set[str] = set()
-"""Names of the documents that this process has read."""
+RECORD = Path(__file__).parent / "cli" / "documents.json"
+"""Schema -> path of a field -> its type."""
 
 
 def read(text: str) -> dict[str, Any]:
@@ -53,7 +54,6 @@ def compared(plain: Any) -> dict[str, Any]:
     assert plain["schema"] == document.schema
     wrong = differences(document, {key: value for key, value in plain.items() if key != "schema"})
     assert wrong == [], f"{document.schema}: {'; '.join(wrong)}"
-    seen.add(name)
     return plain
 
 
@@ -105,3 +105,20 @@ def _is(value: Any, kind: str) -> bool:
 
 def _refused(name: str) -> None:
     raise AssertionError(f"`{name}` is not JSON")
+
+
+def described() -> dict[str, dict[str, str]]:
+    """Schema -> path of a field -> its type, as the descriptions state them."""
+    return {
+        document.schema: {path: kind for path, (kind, _) in document.fields.items()} for document in DOCUMENTS.values()
+    }
+
+
+def recorded() -> dict[str, dict[str, str]]:
+    """The same as it was recorded."""
+    found: dict[str, dict[str, str]] = json.loads(RECORD.read_text())
+    return found
+
+
+if __name__ == "__main__":
+    RECORD.write_text(json.dumps(described(), indent=1, sort_keys=True) + "\n")

@@ -1,21 +1,13 @@
-"""Every verb with `--json` prints one document, as described; those of servers and robots are compared in their tests."""
+"""Every verb with `--json` prints one document, as described; tests of servers and robots compare theirs."""
 
 from __future__ import annotations
 
-import argparse
-import ast
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
 
-from dextera_build.cli import documents as described
-from dextera_build.cli import grammar, table
-from dextera_build.cli.documents.document import Document
+from dextera_build.cli.documents import DOCUMENTS
 from tests import documents
-from tests.e2e.conftest import Space
+from tests.e2e.space import Space
 
-CLI = Path(grammar.__file__).parent
 READING = """
 ls | ls rules | ls backends | ls profiles | ls runs | ls divergent | ls calls | ls say/words
 plan say/words | plan say/words --check | why say/words | why say/words:all | check say/words | check say/words:all
@@ -36,7 +28,7 @@ ELSEWHERE = {
 """Documents that the tests of their verbs compare, on a service, a server, a robot, weights or shapes."""
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_verbs_print_the_documents_that_are_described(space: Space) -> None:
     assert space.build("say/words").code == 0
     seen = set()
@@ -44,7 +36,7 @@ def test_verbs_print_the_documents_that_are_described(space: Space) -> None:
         answer = space.dxb(*words.split(), "--json")
         assert answer.code in ((0, 4) if words == "doctor" else (0,)), answer.err
         seen.add(documents.read(answer.out)["schema"])
-    assert seen == {each.schema for name, each in described.DOCUMENTS.items() if name not in ELSEWHERE}
+    assert seen == {each.schema for name, each in DOCUMENTS.items() if name not in ELSEWHERE}
 
 
 @pytest.mark.medium
@@ -58,57 +50,5 @@ def test_what_goes_wrong_is_described_too(space: Space) -> None:
     assert space.dxb("plan", "say/nothing", "--json").out == ""
     unbuilt = space.dxb("plan", "say/words", "--check", "--json")
     assert (unbuilt.code, unbuilt.rows) == (3, [{"node": "start", "why": "never built"}])
-    nothing = {name: row[name] for row in space.dxb("ls", "say/words", "--json").rows[:1] for name in row}
-    assert (nothing["backend"], nothing["last_seconds"]) == (None, None)
-
-
-def test_numbers_that_json_lacks_are_null() -> None:
-    told = documents.every(table.spelled("ls.nodes", [])) + [
-        {"rows": row} for row in documents.rows(table.spelled("ls.runs", [run(float("nan")), run(1.5)]))
-    ]
-    assert [each["rows"]["seconds"] for each in told[1:]] == [None, 1.5]
-
-
-def run(seconds: float) -> dict[str, object]:
-    return {"run": "0001", "time": 1.0, "recipe": "a", "ended": "done", "seconds": seconds}
-
-
-def test_a_comparison_finds_every_kind_of_difference() -> None:
-    fields = {"a": ("integer", ""), "b[].c": ("text or null", ""), "d.*": ("number", ""), "e": ("text?", "")}
-    document = Document("x", "dxb x", fields)
-    assert documents.differences(document, {"a": 1, "b": [{"c": None}, {"c": "t"}], "d": {"x": 0.5}}) == []
-    wrong = {"a": "1", "b": [{}, {"c": 2, "f": 0}], "d": {"x": None}, "e": "t"}
-    assert documents.differences(document, wrong) == [
-        "`a` is '1', not integer",
-        "`b[].c` is missing",
-        "`b[].c` is 2, not text",
-        "`b[].f` is not described",
-        "`d.*` is None, not number",
-    ]
-
-
-def test_every_verb_with_json_has_a_document_and_every_document_is_printed() -> None:
-    commands = {document.command.split(",")[0] for document in described.DOCUMENTS.values()}
-    asked = {command.partition(" [")[0] for command in with_json(grammar.parser(), "dxb")}
-    assert [verb for verb in asked if not any(command.startswith(verb) for command in commands)] == []
-    printed = {name for file in CLI.rglob("*.py") for name in names_in(ast.parse(file.read_text()))}
-    made = {f"ls.{each}" for each in ("recipes", "rules", "backends", "profiles", "runs", "divergent", "calls")}
-    made |= {"models.get", "models.add", "run", "robot.record"}
-    assert printed | made == set(described.DOCUMENTS)
-
-
-def with_json(parser: argparse.ArgumentParser, command: str) -> Iterator[str]:
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for name, sub in action.choices.items():
-                yield from with_json(sub, f"{command} {name}")
-        elif "--json" in action.option_strings:
-            yield command
-
-
-def names_in(tree: ast.Module) -> Iterator[str]:
-    """Names of documents that calls of `give`, `say`, `spelled` and `check` state."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Constant):
-            if ast.unparse(node.func).rpartition(".")[2] in ("give", "say", "spelled", "check"):
-                yield str(node.args[0].value)
+    first = space.dxb("ls", "say/words", "--json").rows[0]
+    assert (first["backend"], first["last_seconds"]) == (None, None)

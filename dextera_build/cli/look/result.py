@@ -100,7 +100,7 @@ def line(session: Session, key: str) -> dict[str, Any]:
     """`line`: the result of a key in one line, None if the store has lost it; `stub`: whether a stub made it."""
     found = session.store.actions.known(key)
     document = origins.document(session.store, key)
-    return {"line": found.line if found else None, "stub": bool(document) and document["backend"] == STUB}
+    return {"line": found.line if found else None, "stub": document is not None and document["backend"] == STUB}
 
 
 def line_text(told: str | None, *, is_stub: bool) -> str:
