@@ -46,7 +46,7 @@ def test_what_goes_wrong_is_described_too(space: Space) -> None:
     (row,) = one.rows
     assert (one.code, row["found"], row["error"]["where"][1]) == (2, None, 2)
     assert "error[DXB-R" in one.err
-    assert space.dxb("check", "--json").rows[-1] == row
+    assert space.dxb("check", "say/words", "say/wrong", "--json").rows[1] == row
     assert space.dxb("plan", "say/nothing", "--json").out == ""
     unbuilt = space.dxb("plan", "say/words", "--check", "--json")
     assert (unbuilt.code, unbuilt.rows) == (3, [{"node": "start", "why": "never built"}])
