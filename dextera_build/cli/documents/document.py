@@ -21,6 +21,8 @@ class Document:
     fields: Mapping[str, tuple[str, str]]
     """Path -> (type, meaning). Types are those of JSON: text, number, integer, boolean, object, list, any. `or null`
     follows where a value may be unknown or not apply, `?` where the field is absent then."""
+    when: str = ""
+    """When it is printed: `at its end`; "" for the only document of a command."""
     version: int = 1
     """Raised when a field changes its meaning or type, or goes; a field that is added leaves it."""
 
@@ -38,7 +40,11 @@ def rows(name: str, command: str, fields: Mapping[str, tuple[str, str]]) -> Docu
 EPOCH = "seconds since 1970-01-01 UTC"
 NODE = {
     "node": ("text", "address of the node"),
-    "status": ("text", "`cached`, `bare`, `stale`, `remote`, `unknown` or `missing`, as explained by `dxb help plan`"),
+    "status": (
+        "text",
+        "`cached` and `bare` are up to date, and the bytes of `bare` are not in the store; `stale` would run, `remote` "
+        "would be fetched, `unknown` depends on one of these, `missing` cannot run on this machine",
+    ),
     "rule": ("text", "address of its rule"),
     "backend": ("text or null", "backend of the rule that was chosen; null: the rule has none"),
     "last_seconds": ("number or null", "duration of its last run [s]; null: it never ran here"),

@@ -165,16 +165,16 @@ DOCUMENTS = (
             "view": ("text or null", "path of the page that shows the result in 3D; null: none was written"),
         },
     ),
-    Document("view", "dxb view RECIPE", {"url": ("text", "address of the viewer; it is printed when it listens")}),
+    Document("view", "dxb view RECIPE", {"url": ("text", "address of the viewer")}, when="when it listens"),
     Document(
         "view.file",
         "dxb view RECIPE --save FILE",
         {"file": ("text", "path of the file"), "bytes": ("integer", "its size [byte]")},
     ),
-    Document("teleop", "dxb teleop RECIPE", {"url": ("text", "address of the page; it is printed when it listens")}),
+    Document("teleop", "dxb teleop RECIPE", {"url": ("text", "address of the page")}, when="when it listens"),
     Document(
         "teleop.ended",
-        "dxb teleop RECIPE, at the end",
+        "dxb teleop RECIPE",
         {
             "recording": ("text", "path of the recording"),
             "takes": ("integer", "number of takes in it"),
@@ -193,12 +193,13 @@ DOCUMENTS = (
             "frames_refused": ("integer", "messages that were malformed"),
             "replay": ("text or null", "the command that replays the recording; null: it has no take"),
         },
+        when="at its end",
     ),
     Document(
         "serve",
         "dxb serve RECIPE:NODE",
         {
-            "url": ("text", "address of the server; it is printed when it listens"),
+            "url": ("text", "address of the server"),
             "wire": ("text", "version of the promise that the server sends to its clients"),
             "policy": ("text", "digest of the checkpoint"),
             "algorithm": ("text", "how it was trained"),
@@ -219,5 +220,6 @@ DOCUMENTS = (
             "forget": ("number", "decay of the weights by which overlapping answers are averaged"),
             "reset": ("text", "key of a request that begins an episode"),
         },
+        when="when it listens",
     ),
 )

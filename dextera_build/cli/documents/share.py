@@ -54,9 +54,7 @@ DOCUMENTS = (
             "whole": ("boolean", "whether no damage is left"),
         },
     ),
-    Document(
-        "cache.serve", "dxb cache serve", {"url": ("text", "address of the server; it is printed when it listens")}
-    ),
+    Document("cache.serve", "dxb cache serve", {"url": ("text", "address of the server")}, when="when it listens"),
     Document(
         "bundle.create",
         "dxb bundle create RECIPE -o FILE.tar",

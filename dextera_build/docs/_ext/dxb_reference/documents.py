@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import re
 from itertools import groupby, pairwise
 
 from dextera_build.cli.documents import GROUPS
@@ -13,6 +14,17 @@ from dextera_build.runs import events
 from .markdown import code, escaped, join, table
 
 _INHERITED = "Event"
+_TYPES = {
+    "str": "text",
+    "Status": "text",
+    "float": "number",
+    "int": "integer",
+    "bool": "boolean",
+    "list": "list",
+    "Mapping": "object",
+    "DxbError": "object",
+}
+"""Type of a field of an event -> its type in JSON."""
 
 
 def page() -> str:
@@ -28,9 +40,9 @@ def _verb(document: Document) -> str:
 
 def _document(document: Document) -> str:
     rows = [[code(path), kind, escaped(meaning)] for path, (kind, meaning) in document.fields.items()]
-    return join(
-        f"`{document.command} --json` prints {code(document.schema)}:", table(["field", "type", "meaning"], rows)
-    )
+    when = f" {document.when}" if document.when else ""
+    said = f"`{document.command} --json` prints {code(document.schema)}{when}:"
+    return join(said, table(["field", "type", "meaning"], rows))
 
 
 def events_page() -> str:
@@ -47,6 +59,17 @@ def _event(node: ast.ClassDef) -> list[str]:
     for field, after in pairwise([*node.body, ast.Pass()]):
         if isinstance(field, ast.AnnAssign) and ast.unparse(field.target) != "kind":
             said = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
-            meaning = f": {str(after.value.value).rstrip('.')}" if said else ""
-            told.append(f"{code(ast.unparse(field.target))} {escaped(' '.join(meaning.split()))}".replace(" :", ":"))
-    return [code(kind), " ".join((ast.get_docstring(node) or "").split()), "; ".join(each.strip() for each in told)]
+            meaning = f": {_prose(str(after.value.value)).rstrip('.')}" if said else ""
+            told.append(f"{code(ast.unparse(field.target))} ({_type(ast.unparse(field.annotation))}){meaning}")
+    return [code(kind), _prose(ast.get_docstring(node) or ""), "; ".join(told)]
+
+
+def _type(annotation: str) -> str:
+    """An annotation as a type of JSON: `str | None` is `text or null`."""
+    name, _, rest = annotation.partition(" | ")
+    return _TYPES[name.partition("[")[0]] + (" or null" if rest == "None" else "")
+
+
+def _prose(docstring: str) -> str:
+    """A docstring in one line, without references to other classes."""
+    return escaped(re.sub(r"; see `[^`]*`", "", " ".join(docstring.split())))
