@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import signal
+
 import pytest
+
+from tests import documents
 
 SOLIDS = """
 '''toy.solids: a solid for every word.'''
@@ -71,6 +75,20 @@ def test_a_part_is_shown_with_its_facts_and_fields(built):
     assert rows["of"] == "say/solids:solids"
     assert rows["result"].startswith("4 vertices")
     assert rows["fields"]["faces"] == {"told": "int32 (4, 3)", "value": None, "dtype": "int32", "shape": [4, 3]}
+
+
+@pytest.mark.slow
+def test_a_viewer_prints_its_document_alone(built):
+    pytest.importorskip("viser", reason="needs viser (extra `view`)")
+    saved = built.run("view", "say/solids:solids.items.two", "--save", "two.viser", "--json")
+    assert saved.document["bytes"] == (built.root / "two.viser").stat().st_size
+    assert (saved.code, saved.err) == (0, "")
+    viewer = built.start("view", "say/solids:solids.items.two", "--no-open", "--port", "0", "--json")
+    assert viewer.stdout is not None
+    assert documents.read(viewer.stdout.readline())["url"].startswith("http://127.0.0.1:")
+    viewer.send_signal(signal.SIGINT)
+    out, err = viewer.communicate(timeout=60)
+    assert (viewer.returncode, out, err) == (0, "", "press Ctrl-C to stop\n")
 
 
 def test_a_field_that_is_not_there_is_told_with_the_nearest(built):

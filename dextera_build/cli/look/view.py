@@ -76,11 +76,13 @@ def _served(args: argparse.Namespace, session: Session, node: str) -> int:
     print("press Ctrl-C to stop", file=sys.stderr)
     if not args.no_open:
         webbrowser.open(url)
-    while True:
-        try:
+    try:
+        while True:
             time.sleep(3600)
-        except KeyboardInterrupt:
-            return 0
+    except KeyboardInterrupt:
+        return 0
+    finally:
+        server.stop(viewer)
 
 
 def _save(args: argparse.Namespace, viewer: Any, steps: Iterator[float]) -> int:
