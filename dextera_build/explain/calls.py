@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import re
-import time
 from collections.abc import Iterator
 from typing import Any
 
 from dextera_build.errors import UsageError
 from dextera_build.project.project import Project
+from dextera_build.report.wording import moment
 from dextera_build.session import reading
 from dextera_build.store.blobs import listing
 from dextera_build.store.entry import ActionResult
@@ -48,7 +48,7 @@ def cells(row: dict[str, Any]) -> dict[str, str]:
         "call": row["call"][:12],
         "service": row["service"],
         "model": row["model"] or "-",
-        "asked": _date(row["time"]),
+        "asked": moment(row["time"]),
         "seconds": f"{row['seconds']:.1f} s",
         "tokens": "-" if tokens is None else f"{tokens:g}",
         "cost": "-" if cost is None else f"{cost:g}",
@@ -89,7 +89,7 @@ def shown(found: dict[str, Any]) -> dict[str, str]:
     """What `show` found as name and text."""
     said = {name: f"{each['value']:g} {each['unit']}".strip() for name, each in found["metrics"].items()}
     asked = {f"request.{name}": json.dumps(value, ensure_ascii=False) for name, value in found["request"].items()}
-    head = {"call": found["call"], "service": found["service"], "asked": _date(found["time"])}
+    head = {"call": found["call"], "service": found["service"], "asked": moment(found["time"])}
     body = found["answer"]
     short = body if len(body) <= _MOST_SHOWN else f"{body[: _MOST_SHOWN - 3]}..."
     own = {"seconds": f"{found['seconds']:.3f}", **said, **asked, "output": found["output"]}
@@ -125,7 +125,3 @@ def _model(document: Any) -> str | None:
 
 def _amount(result: ActionResult, name: str) -> float | None:
     return result.metrics[name][0] if name in result.metrics else None
-
-
-def _date(seconds: float | None) -> str:
-    return "-" if seconds is None else time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(seconds))

@@ -258,7 +258,7 @@ def test_the_command_prints_every_object_and_says_what_is_wrong(project):
     assert "DXB-U212" in space.dxb("bind", "twin/desk", "--at", "14,20").err
     answer = space.dxb("bind", "twin/desk", "cup", "--at", "14;20")
     assert (answer.code, "`14;20` is not a point" in answer.err) == (2, True)
-    assert space.dxb("bind", "twin/desk", "--remove", "cup").code == 0
+    assert space.dxb("bind", "twin/desk", "--remove", "cup", "--json").document["removed"] == "cup"
     assert bind.Naming(project, "twin/desk").names() == {}
 
 

@@ -262,6 +262,9 @@ def test_ls_and_show_name_calls(asking: Space, service: Service) -> None:
     assert "1000" in row
     (listed,) = asking.dxb("ls", "calls", "--json").rows
     assert listed["call"] == made["call"]
+    assert (listed["model"], listed["tokens"]) == ("tiny-1", 1000)
+    whole = asking.dxb("show", made["call"][:12], "--json").document
+    assert whole["request"]["question"] == "what is this?"
     shown = asking.dxb("show", made["call"][:12]).out
     assert 'request.question\t"what is this?"' in shown
     assert "a red mug" in shown

@@ -73,6 +73,7 @@ def test_a_backend_waits_for_its_weights_and_its_licence_then_runs_and_loads_onc
     assert "`dxb models accept voice`, `dxb models get voice`" in refused.err
     assert "voice\tmissing" in voiced.dxb("models", "ls").out
     assert voiced.dxb("models", "accept", "voice").out == "voice\tResearch\tcommercial use\n"
+    assert voiced.dxb("models", "accept", "voice", "--json").rows[0]["forbids"] == "commercial use"
     voiced.write("voice.txt", "!")
     assert voiced.dxb("models", "add", "voice", "voice.txt").code == 0
     built = voiced.dxb("build", "say/b")
@@ -149,7 +150,9 @@ def test_damage_is_found_and_a_file_that_is_gone_counts_as_missing(voiced):
     (folder / "voice.txt").unlink()
     assert "voice.txt of the weights `voice`" in voiced.dxb("build", "say/b").err
     assert "incomplete" in voiced.dxb("models", "ls").out
-    assert voiced.dxb("models", "rm", "voice").code == 0
+    assert voiced.dxb("models", "verify", "--json").rows[0]["damaged"] == ["voice.txt"]
+    (gone,) = voiced.dxb("models", "rm", "voice", "--json").rows
+    assert (gone["model"], gone["bytes"]) == ("voice", 1)
     assert "missing" in voiced.dxb("models", "ls").out
 
 

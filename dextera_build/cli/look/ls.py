@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Callable, Iterator
 
 from dextera_build.cli import nodes, options, table
 from dextera_build.project.project import Project
+from dextera_build.report.wording import moment
 
 Row = nodes.Row
 
@@ -125,5 +125,6 @@ def _divergent_cells(row: Row) -> Row:
 
 def _dated(row: Row) -> Row:
     """A row with the local date and time in place of seconds since the epoch."""
-    when = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(row["time"]))
-    return {"when" if name == "time" else name: when if name == "time" else value for name, value in row.items()}
+    return {
+        name if name != "time" else "when": value if name != "time" else moment(value) for name, value in row.items()
+    }
