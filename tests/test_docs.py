@@ -16,8 +16,10 @@ from pathlib import Path
 import pytest
 
 from dextera_build.cli import grammar
+from dextera_build.cli.documents import DOCUMENTS
 from dextera_build.code.loader import Library
 from dextera_build.explain import error_codes
+from dextera_build.runs.events import Event
 
 REPO = Path(__file__).parent.parent
 DOCS = REPO / "dextera_build" / "docs"
@@ -108,6 +110,13 @@ def reference(monkeypatch):
 def test_the_reference_has_every_verb(reference):
     page = reference.MAKERS["cli"]()
     assert [verb for verb in grammar.VERBS if f"## dxb {verb}\n" not in page] == []
+
+
+def test_the_reference_has_every_document_and_event(reference):
+    page = reference.MAKERS["documents"]()
+    assert [name for name, document in DOCUMENTS.items() if f"prints `{document.schema}`" not in page] == []
+    events = reference.MAKERS["events"]()
+    assert [kind.kind for kind in Event.__subclasses__() if f"| `{kind.kind}` |" not in events] == []
 
 
 @pytest.mark.medium

@@ -47,9 +47,9 @@ def row(node: Planned, status: str = "") -> Row:
         "node": node.address,
         "status": status or _status(node),
         "rule": node.rule.path,
-        "backend": node.rule.backend or "-",
+        "backend": node.rule.backend,
         "last_seconds": node.seconds_last,
-        "chosen": node.rule.chosen or "-",
+        "chosen": node.rule.chosen or None,
     }
 
 

@@ -67,7 +67,7 @@ def request_arguments(parser: argparse.ArgumentParser) -> None:
 
 def json_argument(parser: argparse.ArgumentParser) -> None:
     """Add `--json`."""
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.add_argument("--json", action="store_true", help="print one JSON document, with its name and version")
 
 
 def project(args: argparse.Namespace) -> Project:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import shutil
 import sys
 import textwrap
@@ -30,18 +31,57 @@ HEADERS = {
 
 
 def give(
-    rows: Any,
+    document: str,
+    content: Sequence[Mapping[str, Any]] | Mapping[str, Any],
     *,
     as_json: bool,
     cells: Sequence[Mapping[str, Any]] | None = None,
     narrow: Sequence[Mapping[str, str]] | None = None,
 ) -> int:
-    """Print rows as JSON, or `cells` (default: the rows) as a table; return the exit code. `narrow`: see `show`."""
+    """Print a document of `cli.documents` as JSON, or a table; return the exit code.
+
+    Args:
+        document: Its name.
+        content: Its rows, or its fields.
+        as_json: Whether to print JSON.
+        cells: Rows of the table; default: `content`.
+        narrow: See `show`.
+    """
     if as_json:
-        print(json.dumps(rows, indent=1))
+        print(spelled(document, content, indent=1))
+    elif cells is not None:
+        show(cells, narrow)
     else:
-        show(rows if cells is None else cells, narrow)
+        show([content] if isinstance(content, Mapping) else content, narrow)
     return 0
+
+
+def say(document: str, content: Mapping[str, Any], text: str, *, as_json: bool) -> None:
+    """Print a document as one line of JSON, or `text`, at once: a program may wait for it."""
+    print(spelled(document, content) if as_json else text, flush=True)
+
+
+def spelled(
+    document: str, content: Sequence[Mapping[str, Any]] | Mapping[str, Any], *, indent: int | None = None
+) -> str:
+    """A document as JSON, its schema first."""
+    from dextera_build.cli.documents import DOCUMENTS
+
+    fields = content if isinstance(content, Mapping) else {"rows": content}
+    told = {"schema": DOCUMENTS[document].schema, **fields}
+    try:
+        return json.dumps(told, indent=indent, allow_nan=False)
+    except ValueError:
+        return json.dumps(_finite(told), indent=indent, allow_nan=False)
+
+
+def _finite(value: Any) -> Any:
+    """The same with null for numbers that JSON does not have: infinities, and what is not a number."""
+    if isinstance(value, Mapping):
+        return {name: _finite(inner) for name, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def show(rows: Sequence[Mapping[str, Any]], narrow: Sequence[Mapping[str, str]] | None = None) -> None:
@@ -145,8 +185,8 @@ def _is_number(text: str) -> bool:
     return text == "-" or text.replace(".", "", 1).isdecimal()
 
 
-def give_text(project: Project, text: str, out: str | None) -> int:
-    """Print `text`, or write it to `out` and print the path; return the exit code.
+def give_text(project: Project, text: str, out: str | None, *, as_json: bool = False) -> int:
+    """Print `text`, or write it to `out` and print the path, with `as_json` as a document; return the exit code.
 
     Raises:
         UsageError: The file cannot be written.
@@ -157,7 +197,8 @@ def give_text(project: Project, text: str, out: str | None) -> int:
     path = Path(out)
     with writing(path):
         path.write_text(text + "\n", encoding="utf-8")
-    print(project.shown(path.absolute()))
+    file = project.shown(path.absolute())
+    say("show.file", {"file": file}, file, as_json=as_json)
     return 0
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import re
-import time
 from collections.abc import Iterator
 from typing import Any
 
 from dextera_build.errors import UsageError
 from dextera_build.project.project import Project
+from dextera_build.report.wording import moment
 from dextera_build.session import reading
 from dextera_build.store.blobs import listing
 from dextera_build.store.entry import ActionResult
@@ -28,24 +28,32 @@ def is_call(text: str) -> bool:
 def rows(project: Project) -> Iterator[dict[str, Any]]:
     """Every recorded call of the store, newest first."""
     found = [(key, *known) for key, known in _all(reading(project))]
-    for key, document, result in sorted(found, key=lambda row: -_amount(row[2], "asked")):
+    for key, document, result in sorted(found, key=lambda row: -(_amount(row[2], "asked") or 0.0)):
         yield {
             "call": key,
             "service": document["service"],
             "model": _model(document),
-            "asked": time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(_amount(result, "asked"))),
+            "time": _amount(result, "asked"),
             "seconds": result.seconds,
             "tokens": _amount(result, "total_tokens"),
             "cost": _amount(result, "cost"),
-            "answer": int(_amount(result, "answer")),
+            "answer_bytes": None if (size := _amount(result, "answer")) is None else int(size),
         }
 
 
 def cells(row: dict[str, Any]) -> dict[str, str]:
     """A row as text: short digest, amounts with units."""
-    amounts = {"seconds": f"{row['seconds']:.1f} s", "answer": f"{row['answer']} bytes"}
-    tokens = {"tokens": f"{row['tokens']:g}", "cost": f"{row['cost']:g}"}
-    return {name: str(value) for name, value in (row | {"call": row["call"][:12]} | amounts | tokens).items()}
+    answer, tokens, cost = row["answer_bytes"], row["tokens"], row["cost"]
+    return {
+        "call": row["call"][:12],
+        "service": row["service"],
+        "model": row["model"] or "-",
+        "asked": moment(row["time"]),
+        "seconds": f"{row['seconds']:.1f} s",
+        "tokens": "-" if tokens is None else f"{tokens:g}",
+        "cost": "-" if cost is None else f"{cost:g}",
+        "answer": "-" if answer is None else f"{answer} bytes",
+    }
 
 
 def show(project: Project, text: str) -> dict[str, Any]:
@@ -63,13 +71,29 @@ def show(project: Project, text: str) -> dict[str, Any]:
         many = f"{len(found)} recorded calls begin with" if found else "no recorded call begins with"
         raise UsageError(f"{many} `{text}`", code="DXB-U183", hint="`dxb ls calls --json` has the whole digests")
     key, (document, result) = found[0]
-    body = recorder.body_of(store, result).decode(errors="replace")
-    said = {name: f"{value:g} {unit}".strip() for name, (value, unit) in result.metrics.items() if name != "asked"}
-    when = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(_amount(result, "asked")))
-    asked = {f"request.{name}": json.dumps(value, ensure_ascii=False) for name, value in document["request"].items()}
-    head = {"call": key, "service": document["service"], "asked": when, "seconds": f"{result.seconds:.3f}"}
+    return {
+        "call": key,
+        "service": document["service"],
+        "time": _amount(result, "asked"),
+        "seconds": result.seconds,
+        "metrics": {
+            name: {"value": value, "unit": unit} for name, (value, unit) in result.metrics.items() if name != "asked"
+        },
+        "request": document["request"],
+        "output": result.output,
+        "answer": recorder.body_of(store, result).decode(errors="replace"),
+    }
+
+
+def shown(found: dict[str, Any]) -> dict[str, str]:
+    """What `show` found as name and text."""
+    said = {name: f"{each['value']:g} {each['unit']}".strip() for name, each in found["metrics"].items()}
+    asked = {f"request.{name}": json.dumps(value, ensure_ascii=False) for name, value in found["request"].items()}
+    head = {"call": found["call"], "service": found["service"], "asked": moment(found["time"])}
+    body = found["answer"]
     short = body if len(body) <= _MOST_SHOWN else f"{body[: _MOST_SHOWN - 3]}..."
-    return {**head, **said, **asked, "output": result.output, "said": " ".join(short.split())}
+    own = {"seconds": f"{found['seconds']:.3f}", **said, **asked, "output": found["output"]}
+    return {**head, **own, "said": " ".join(short.split())}
 
 
 def of_result(store: Store, result: ActionResult) -> list[dict[str, Any]]:
@@ -94,10 +118,10 @@ def _all(store: Store) -> Iterator[tuple[str, tuple[Any, ActionResult]]]:
             yield key, known
 
 
-def _model(document: Any) -> str:
+def _model(document: Any) -> str | None:
     request = document["request"]
-    return str(request.get("model") or "-") if isinstance(request, dict) else "-"
+    return str(request["model"]) if isinstance(request, dict) and request.get("model") else None
 
 
-def _amount(result: ActionResult, name: str) -> float:
-    return result.metrics.get(name, (0.0, ""))[0]
+def _amount(result: ActionResult, name: str) -> float | None:
+    return result.metrics[name][0] if name in result.metrics else None

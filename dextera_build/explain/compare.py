@@ -43,11 +43,16 @@ class Row:
 
     def to_json(self) -> dict[str, Any]:
         """As plain data."""
-        found: dict[str, Any] = {"kind": self.kind, "name": self.name, "change": self.change}
-        if self.output is None or self.output.largest is None:
-            return found
-        found |= {"largest": self.output.largest, "changed": self.output.changed, "total": self.output.total}
-        return found if self.output.motion is None else found | {"motion": self.output.motion.to_json()}
+        found = self.output if self.output is not None and self.output.largest is not None else None
+        return {
+            "kind": self.kind,
+            "name": self.name,
+            "change": self.change,
+            "largest": found and found.largest,
+            "changed": found and found.changed,
+            "total": found and found.total,
+            "motion": found.motion.to_json() if found and found.motion else None,
+        }
 
 
 def rows(store: Store, old: Side, new: Side) -> list[Row]:

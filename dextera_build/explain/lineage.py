@@ -129,7 +129,7 @@ def _details(row: Row) -> Iterator[str]:
         yield from (f"weights {name}" for name in row["weights"])
         yield from (f"read {name}\t{answer}" for name, answer in row["reads"].items())
     for call in row.get("calls", ()):
-        yield f"call {call['call'][:_SHORT]}\t{call.get('service', '?')} {call.get('model', '')}".rstrip()
+        yield f"call {call['call'][:_SHORT]}\t{call.get('service', '?')} {call.get('model') or ''}".rstrip()
 
 
 def _brief(value: object) -> str:

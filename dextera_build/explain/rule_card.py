@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
-from pydantic_core import PydanticUndefined
+from pydantic_core import PydanticUndefined, to_jsonable_python
 
 from dextera_build.artifacts.core.field_docs import bounds, field_docs
 from dextera_build.code.loader import BackendFile, Library, RuleFile
@@ -32,6 +32,8 @@ class Option:
     """`required` if there is none, "" for a group."""
     meaning: str
     """With its unit."""
+    value: Any = None
+    """The default as JSON data; None if there is none, or for a group."""
 
     @property
     def has_default(self) -> bool:
@@ -60,6 +62,61 @@ def rows(library: Library, found: RuleFile) -> list[Row]:
         for option in options(own, f"{name}.") if own is not None else ():
             told.append(_row("option", option.name, option.type, option.default, option.bounds, option.meaning))
     return told
+
+
+def card(library: Library, found: RuleFile) -> dict[str, Any]:
+    """The same as data: the document `show.rule`."""
+    rule = found.rule
+    return {
+        "rule": found.path,
+        "version": rule.version,
+        "summary": " ".join(rule.summary.split()),
+        "inputs": [
+            {"name": slot.name, "type": type_name(slot.annotation), "required": not slot.optional}
+            for slot in rule.slots.values()
+        ],
+        "output": type_name(rule.returns),
+        "options": _plain(rule.options),
+        "files": [
+            {
+                "kind": named,
+                "name": file.name,
+                "summary": (file.module.__doc__ or "").partition("\n")[0],
+                "options": _plain(kind_of(file), f"{file.name}."),
+            }
+            for named, file in every(library, found)
+        ],
+        "backends": [_backend(name, backend) for name, backend in found.backends.items()],
+    }
+
+
+def _backend(name: str, backend: BackendFile) -> dict[str, Any]:
+    facts, missing = backend.facts, list(backend.missing())
+    own = None if missing else backend.options
+    return {
+        "name": name,
+        "profiles": list(facts.profiles),
+        "extra": facts.extra or None,
+        "gpu_gb": facts.gpu_gb or None,
+        "weights": [weights.partition("@")[0] for weights in facts.weights],
+        "lacks": missing,
+        "summary": facts.summary,
+        "options": _plain(own, f"{name}.") if own is not None else [],
+    }
+
+
+def _plain(kind: type[BaseModel], prefix: str = "") -> list[dict[str, Any]]:
+    return [
+        {
+            "name": option.name,
+            "type": option.type,
+            "required": option.default == "required",
+            "default": option.value,
+            "bounds": option.bounds or None,
+            "meaning": " ".join(option.meaning.split()),
+        }
+        for option in options(kind, prefix)
+    ]
 
 
 def narrow(rows: list[Row]) -> list[Row]:
@@ -104,7 +161,8 @@ def options(kind: type[BaseModel], prefix: str = "") -> Iterator[Option]:
     said = field_docs(kind)
     for name, field in kind.model_fields.items():
         form = type_name(field.annotation)
-        yield Option(prefix + name, form, _bounds(name, field), _default(field), said.get(name, ""))
+        value = to_jsonable_python(_value_of(field))
+        yield Option(prefix + name, form, _bounds(name, field), _default(field), said.get(name, ""), value)
         for inner in _groups(field.annotation):
             yield from options(inner, f"{prefix}{name}.")
 
@@ -127,3 +185,9 @@ def _default(field: FieldInfo) -> str:
     if value is PydanticUndefined or isinstance(value, BaseModel):
         return ""
     return f'"{value}"' if isinstance(value, str) else str(value)
+
+
+def _value_of(field: FieldInfo) -> Any:
+    """The default; None for a group, whose fields have their own."""
+    value = None if field.is_required() else field.get_default(call_default_factory=True)
+    return None if value is PydanticUndefined or isinstance(value, BaseModel) else value

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -26,7 +25,7 @@ def runs(project: Project) -> Iterator[dict[str, Any]]:
         if start is not None:
             yield {
                 "run": run,
-                "when": time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(start["time"])),
+                "time": start["time"],
                 "recipe": start["recipe"],
                 "ended": _ended(end),
                 "seconds": end["seconds"] if end else None,

@@ -101,6 +101,17 @@ def parse_toml(text: str, where: Place, wrong: Callable[[str, Place], RecipeErro
         raise wrong(f"not valid TOML: {_PLACE.sub('', str(error))}", at) from None
 
 
+def plain(name: str, value: Any) -> Any:
+    """The value of a setting as data: numbers and booleans also if a variable spells them, None if it is not set."""
+    if name == "jobs":
+        return int(value)
+    if name in ("durable", "require_signed"):
+        return is_on(value)
+    if name == "max_cost":
+        return float(value) if str(value) not in ("", "none") else None
+    return None if value == "" else value
+
+
 def check(name: str, value: object, origin: str) -> None:
     """Refuse an invalid value of a setting, wherever it was set.
 

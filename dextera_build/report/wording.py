@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Mapping
 
 MARKS: Mapping[str, str] = {
@@ -79,6 +80,11 @@ def size(octets: int) -> str:
             break
         number /= 1000
     return f"{number:.0f} {unit}" if unit == "B" or number >= 99.5 else f"{number:.1f} {unit}"
+
+
+def moment(seconds: float | None) -> str:
+    """The local date and time of seconds since the epoch: `2026-01-31 12:00:00`; `-` if unknown."""
+    return "-" if seconds is None else time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(seconds))
 
 
 def used(usage: Mapping[str, float]) -> str:

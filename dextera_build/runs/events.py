@@ -174,7 +174,7 @@ class NodeFinished(Event):
     line: str = ""
     result: str | None = None
     error: DxbError | None = None
-    """Error of a failed node; written to logs as `DxbError.to_json()`."""
+    """Error of a failed node; logs hold its plain data."""
     blocked_by: list[str] = field(default_factory=list)
     inputs: Mapping[str, str] = field(default_factory=dict)
     depends_on: list[str] = field(default_factory=list)

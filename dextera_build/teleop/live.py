@@ -119,7 +119,8 @@ class Closed:
 
     def facts(self) -> dict[str, Any]:
         """The same as data."""
-        return {"recording": str(self.out), "takes": self.takes, "discarded": self.discarded, **self.numbers}
+        head = {"recording": str(self.out), "takes": self.takes, "discarded": self.discarded}
+        return {**head, "camera_ms": None, **self.numbers}
 
 
 def run(wanted: Wanted, opened: Callable[[Opened], None]) -> Closed:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import socket
-import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -33,8 +33,7 @@ def start(port: int = 8080, host: str = "127.0.0.1", origins: Sequence[str] = ()
             hint=install_extra("view"),
         ) from None
     _check_address(host)
-    # viser prints a banner, and standard output is for data.
-    with contextlib.redirect_stdout(sys.stderr), Guard(host, origins).installed():
+    with _mute(), Guard(host, origins).installed():
         server = viser.ViserServer(host=host, port=port, label="dxb", verbose=False)
     server.scene.set_up_direction("+z")
     # viser's fog begins right at the camera and would bleach photographs.
@@ -65,6 +64,11 @@ def _check_address(host: str) -> None:
 
 
 def stop(server: Any) -> None:
-    """Stop a server that `start` started."""
-    with contextlib.redirect_stdout(sys.stderr):
+    """Stop a server that `start` started; without it, viser prints at the end of the process that it stopped."""
+    with _mute():
         server.stop()
+
+
+def _mute() -> contextlib.redirect_stdout[io.StringIO]:
+    """Drop what viser prints, a banner and that it stopped: standard output is for data."""
+    return contextlib.redirect_stdout(io.StringIO())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
@@ -254,12 +253,12 @@ def test_the_command_prints_every_object_and_says_what_is_wrong(project):
     assert (answer.code, answer.out) == (0, "cup\tmug\t14,20\tdxb.lock\nbowl\tbowl\t44,19\t-\n")
     edit(project, "shade: 90", "shade: 100")
     answer = space.dxb("bind", "twin/desk", "--json")
-    assert json.loads(answer.out)["stale"] == ["cup"]
+    assert answer.document["stale"] == ["cup"]
     assert f"warning: `cup` is bound by a point on another photograph; `dxb bind {NAMED} cup --at" in answer.err
     assert "DXB-U212" in space.dxb("bind", "twin/desk", "--at", "14,20").err
     answer = space.dxb("bind", "twin/desk", "cup", "--at", "14;20")
     assert (answer.code, "`14;20` is not a point" in answer.err) == (2, True)
-    assert space.dxb("bind", "twin/desk", "--remove", "cup").code == 0
+    assert space.dxb("bind", "twin/desk", "--remove", "cup", "--json").document["removed"] == "cup"
     assert bind.Naming(project, "twin/desk").names() == {}
 
 

@@ -6,6 +6,7 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from tests import documents
 from tests.e2e.space import Answer, Space
 
 EVERY = {"start", "words", "all", *(f"word[{w}].{n}" for w in ("one", "two") for n in ("loud", "louder"))}
@@ -41,10 +42,10 @@ def given_up(answer: Answer) -> list[dict]:
 
 @contextmanager
 def serving(space: Space, name: str, *words: str) -> Iterator[str]:
-    server = space.start("cache", "serve", "--port", "0", "--cache", name, *words)
+    server = space.start("cache", "serve", "--port", "0", "--cache", name, "--json", *words)
     try:
         assert server.stdout is not None
-        yield server.stdout.readline().strip()
+        yield documents.read(server.stdout.readline())["url"]
     finally:
         server.send_signal(signal.SIGINT)
         _, said = server.communicate(timeout=60)

@@ -11,8 +11,10 @@ from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from dextera_build.cli.main import main
+from tests import documents
 from tests.interrupts import hear_interrupts
 
 
@@ -45,6 +47,16 @@ class Answer:
     def events(self) -> list[dict]:
         """The events of a build with `--console jsonl`."""
         return [json.loads(line) for line in self.err.splitlines() if line.startswith("{")]
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """What a verb printed with `--json`, compared with its description."""
+        return documents.read(self.out)
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """The rows of the same."""
+        return documents.rows(self.out)
 
     def nodes(self, *statuses: str) -> set[str]:
         """Addresses of nodes that ended with one of these statuses."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from pathlib import Path
 
@@ -175,7 +174,7 @@ def test_inspect_says_what_is_inside(space, there):
     assert there.dxb("bundle", "inspect", file, "--recipe", "say/file").out == RECIPE
     wrong = there.dxb("bundle", "inspect", file, "--recipe", "say/fil")
     assert (wrong.code, "DXB-U148" in wrong.err, "did you mean `say/file`?" in wrong.err) == (2, True, True)
-    raw = json.loads(there.dxb("bundle", "inspect", file, "--json").out)
+    raw = there.dxb("bundle", "inspect", file, "--json").document
     nodes = raw["config"]["builds"][0]["nodes"]
     assert {node["rule"] for node in nodes} == {"toy.join", "toy.shout", "toy.split"}
     assert {path for node in nodes for path in node["files"].values()} == {"in/text.txt"}
@@ -218,7 +217,7 @@ def test_what_is_not_built_is_not_bundled(space, there):
 
 
 def test_a_blob_that_was_damaged_here_is_not_bundled(space, there):
-    found = json.loads(space.dxb("show", "--json", "say/file:all").out)
+    found = space.dxb("show", "--json", "say/file:all").document
     blob = space.root / "cache" / "cas" / found["output"][:2] / found["output"][2:]
     good = blob.read_bytes()
     os.chmod(blob, 0o644)

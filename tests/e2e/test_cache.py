@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import time
@@ -62,7 +61,7 @@ def test_gc_keeps_what_the_workspace_built_last(built: Space) -> None:
 
 
 def test_gc_by_age_and_as_json(built: Space) -> None:
-    said = json.loads(built.dxb("cache", "gc", "--max-age", "3d", "--yes", "--json").out)
+    said = built.dxb("cache", "gc", "--max-age", "3d", "--yes", "--json").document
     assert said["after"] < said["before"]
     assert {row["kind"] for row in said["gone"]} >= {"results", "blobs"}
     assert said["dry"] is False
@@ -134,7 +133,7 @@ def test_verify_exits_with_1_until_the_damage_is_repaired(built: Space) -> None:
     assert repaired.code == 0
     assert repaired.out.startswith(f"damaged\t{name}\tits bytes do not match its digest\trepaired\n")
     again = built.dxb("cache", "verify", "--json")
-    assert json.loads(again.out)["findings"] == []
+    assert again.document["findings"] == []
     first = built.dxb("build", "say/words")
     assert first.code == 0
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
@@ -261,8 +260,11 @@ def test_ls_and_show_name_calls(asking: Space, service: Service) -> None:
     row = asking.dxb("ls", "calls").out.rstrip("\n").split("\t")
     assert row[:3] == [made["call"][:12], "toy-chat", "tiny-1"]
     assert "1000" in row
-    (listed,) = json.loads(asking.dxb("ls", "calls", "--json").out)
+    (listed,) = asking.dxb("ls", "calls", "--json").rows
     assert listed["call"] == made["call"]
+    assert (listed["model"], listed["tokens"]) == ("tiny-1", 1000)
+    whole = asking.dxb("show", made["call"][:12], "--json").document
+    assert whole["request"]["question"] == "what is this?"
     shown = asking.dxb("show", made["call"][:12]).out
     assert 'request.question\t"what is this?"' in shown
     assert "a red mug" in shown

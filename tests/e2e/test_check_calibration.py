@@ -66,8 +66,8 @@ def test_the_exit_code_says_whether_the_camera_moved(space: Space) -> None:
     assert (still.code, "unmoved" in still.out) == (0, True), still.err
     away = transforms.rigid(lie.rotation(np.array([0.0, 0.0175, 0.0])), np.array([0.02, 0.0, 0.0]))
     written(space, "after", slice(9, 12), away)
-    moved = space.dxb("check", "calibration", "cell:moved")
-    assert (moved.code, "moved: the board is" in moved.out) == (1, True), moved.err
+    moved = space.dxb("check", "calibration", "cell:moved", "--json")
+    assert (moved.code, moved.rows[0]["moved"], "moved: the board is" in moved.out) == (1, True, True), moved.err
     unsure = space.dxb("check", "calibration", "cell:moved", "--set", "moved.notable_m=0.00001")
     assert unsure.code == 1  # what is sure to have moved is not unsure
     written(space, "after", slice(9, 12), np.eye(4))

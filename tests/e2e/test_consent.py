@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import pty
 import subprocess
@@ -83,7 +82,7 @@ def test_a_yes_on_the_terminal_goes_on_and_is_remembered(looking: Space) -> None
     code, shown = on_terminal(looking, "build", "-k", "say/look", answers=["y", "always"])
     assert code == 0, shown
     assert "Send a photograph of this project to `oracle`" in shown
-    rows = {row["service"]: row for row in json.loads(looking.dxb("consent", "ls", "--json").out)}
+    rows = {row["service"]: row for row in looking.dxb("consent", "ls", "--json").rows}
     assert rows["oracle"]["project"] == "*" or rows["seer"]["project"] == "*"
     assert {rows["oracle"]["project"], rows["seer"]["project"]} == {"*", str(looking.root)}
     assert looking.dxb("build", "say/look", "--calls", "refresh").code == 0

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import pytest
 
 from tests.e2e.space import Space
@@ -58,7 +56,7 @@ def test_check_compares_what_is_built_with_its_bounds(bounded: Space) -> None:
         "word[two].sized.Letters\t3 of 3\t2 to 4\t== all\tok",
         "word[one].sized.Letters\t3 of 3\t2 to 4\t>= 2\tok",
     ]
-    first = json.loads(bounded.dxb("check", "say/sized", "--json").out)[0]["bounds"][0]
+    first = bounded.dxb("check", "say/sized", "--json").rows[0]["bounds"][0]
     assert (first["node"], first["value"], first["interval"], first["ok"]) == ("word[one].sized", 3.0, [2.0, 4.0], True)
 
 

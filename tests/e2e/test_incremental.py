@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 
 import pytest
@@ -176,12 +175,12 @@ def test_a_check_says_in_a_line_each_what_is_stale_and_why(built, verb):
 
 def test_a_check_counts_further_changes_and_tells_what_was_lost(built):
     built.edit("recipes/say/words.yaml", "text: one two}", "text: three, sizes_m: [2.0]}")
-    (row,) = json.loads(built.dxb("plan", "--check", "--json", "say/words").out)
+    (row,) = built.dxb("plan", "--check", "--json", "say/words").rows
     assert row["node"] == "start"
     assert row["why"].startswith("option sizes_m [1.0] -> [2.0] recipes/say/words.yaml:3:50, and 1 more")
     built.edit("recipes/say/words.yaml", "text: three, sizes_m: [2.0]}", "text: one two}")
     for file in (built.root / "cache/ac").rglob("*"):
         if file.is_file():
             file.unlink()
-    (row,) = json.loads(built.dxb("plan", "--check", "--json", "say/words").out)
+    (row,) = built.dxb("plan", "--check", "--json", "say/words").rows
     assert row["why"] == "built, but the store no longer holds it"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import shutil
 from typing import Any
 
@@ -69,7 +68,7 @@ def seen(space: Space) -> Space:
 def lineage(space: Space, *words: str) -> dict[str, Any]:
     answer = space.dxb("show", "--lineage", "--json", *words)
     assert answer.code == 0, answer.err
-    return json.loads(answer.out)
+    return answer.document
 
 
 def by_name(found: dict[str, Any]) -> dict[str, dict[str, Any]]:

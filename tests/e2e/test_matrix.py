@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import pytest
 
 SWEEP = """nodes:
@@ -41,7 +39,7 @@ def test_copies_have_addresses_everywhere(built):
     (path,) = built.dxb("get", "say/sweep:sweep[times=2].loud", "-o", "there").out.split()
     assert (built.root / path).read_bytes() == b"A!!"
     assert built.dxb("why", "say/sweep:sweep[times=2].loud").out.startswith("up to date")
-    rows = {row["node"] for row in json.loads(built.dxb("plan", "--json", "say/sweep").out)}
+    rows = {row["node"] for row in built.dxb("plan", "--json", "say/sweep").rows}
     assert rows == {"start", "all", *(f"sweep[times={n}].{name}" for name in ("loud", "louder") for n in (1, 2))}
     assert built.build("say/sweep", "--force", "sweep[times=1].loud").nodes("ran") == {"sweep[times=1].loud"}
     answer = built.build("say/sweep", "--set", "sweep[times=2].louder.times=4")
@@ -54,7 +52,7 @@ def test_copies_have_addresses_everywhere(built):
 
 def test_a_plan_knows_the_copies_before_anything_ran(space):
     space.write("recipes/say/sweep.yaml", SWEEP)
-    rows = {row["node"]: row["status"] for row in json.loads(space.dxb("plan", "--json", "say/sweep").out)}
+    rows = {row["node"]: row["status"] for row in space.dxb("plan", "--json", "say/sweep").rows}
     assert rows["sweep[times=1].loud"] == "unknown"
     assert rows["start"] == "stale"
 

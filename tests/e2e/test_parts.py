@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-import json
+import signal
 
 import pytest
+
+from tests import documents
 
 SOLIDS = """
 '''toy.solids: a solid for every word.'''
@@ -68,11 +70,25 @@ def test_a_suffix_that_is_no_format_is_refused(built):
 
 
 def test_a_part_is_shown_with_its_facts_and_fields(built):
-    rows = json.loads(built.dxb("show", "say/solids:solids.items.two", "--json").out)
+    rows = built.dxb("show", "say/solids:solids.items.two", "--json").document
     assert rows["part"] == "say/solids:solids.items.two"
     assert rows["of"] == "say/solids:solids"
     assert rows["result"].startswith("4 vertices")
-    assert rows["field faces"] == "int32 (4, 3)"
+    assert rows["fields"]["faces"] == {"told": "int32 (4, 3)", "value": None, "dtype": "int32", "shape": [4, 3]}
+
+
+@pytest.mark.slow
+def test_a_viewer_prints_its_document_alone(built):
+    pytest.importorskip("viser", reason="needs viser (extra `view`)")
+    saved = built.run("view", "say/solids:solids.items.two", "--save", "two.viser", "--json")
+    assert saved.document["bytes"] == (built.root / "two.viser").stat().st_size
+    assert (saved.code, saved.err) == (0, "")
+    viewer = built.start("view", "say/solids:solids.items.two", "--no-open", "--port", "0", "--json")
+    assert viewer.stdout is not None
+    assert documents.read(viewer.stdout.readline())["url"].startswith("http://127.0.0.1:")
+    viewer.send_signal(signal.SIGINT)
+    out, err = viewer.communicate(timeout=60)
+    assert (viewer.returncode, out, err) == (0, "", "press Ctrl-C to stop\n")
 
 
 def test_a_field_that_is_not_there_is_told_with_the_nearest(built):
@@ -85,13 +101,13 @@ def test_a_field_that_is_not_there_is_told_with_the_nearest(built):
 
 def test_a_plan_is_in_the_order_of_the_build_and_its_numbers_are_numbers(space):
     space.write("recipes/say/backward.yaml", BACKWARD)
-    plan = json.loads(space.dxb("plan", "say/backward", "--json").out)
+    plan = space.dxb("plan", "say/backward", "--json").rows
     assert [row["node"] for row in plan] == ["start", "middle", "end"]
     assert [row["last_seconds"] for row in plan] == [None] * 3
     assert space.build("say/backward").code == 0
     for words in (("plan", "say/backward"), ("ls", "say/backward")):
-        assert all(isinstance(row["last_seconds"], float) for row in json.loads(space.dxb(*words, "--json").out))
-    assert all(isinstance(row["seconds"], float) for row in json.loads(space.dxb("ls", "runs", "--json").out))
+        assert all(isinstance(row["last_seconds"], float) for row in space.dxb(*words, "--json").rows)
+    assert all(isinstance(row["seconds"], float) for row in space.dxb("ls", "runs", "--json").rows)
 
 
 def test_names_that_are_nearly_right_are_told(space):

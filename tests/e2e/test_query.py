@@ -43,7 +43,7 @@ def test_stale_and_cached(built: Space) -> None:
     assert names(built, "say/words", "--stale") == []
     assert len(names(built, "say/words", "--cached")) == 7
     built.edit("recipes/say/words.yaml", "times: 2", "times: 3")
-    stale = json.loads(built.dxb("ls", "say/words", "--stale", "--json").out)
+    stale = built.dxb("ls", "say/words", "--stale", "--json").rows
     assert {row["node"]: row["status"] for row in stale} == {
         "say/words:word[one].louder": "stale",
         "say/words:word[two].louder": "stale",
@@ -89,8 +89,8 @@ def test_what_does_not_exist_is_named(built: Space, words: tuple[str, ...], code
 
 
 def test_the_graph_as_json_dot_and_svg(built: Space) -> None:
-    found = json.loads(built.dxb("show", "--graph", "say/words", "--json", "--status").out)
-    assert (found["recipe"], found["target"], found["by"]) == ("say/words", "", "node")
+    found = built.dxb("show", "--graph", "say/words", "--json", "--status").document
+    assert (found["recipe"], found["target"], found["by"]) == ("say/words", None, "node")
     assert {node["status"] for node in found["nodes"]} == {"cached"}
     assert {"id": "start", "rule": "toy.start", "backend": None, "status": "cached", "count": 1} in found["nodes"]
     edges = {(edge["from"], edge["to"]) for edge in found["edges"]}
@@ -105,14 +105,14 @@ def test_the_graph_as_json_dot_and_svg(built: Space) -> None:
 
 @pytest.mark.medium
 def test_the_graph_of_a_target_and_collapsed(space: Space) -> None:
-    below = json.loads(space.dxb("show", "--graph", "say/words:words", "--json").out)
+    below = space.dxb("show", "--graph", "say/words:words", "--json").document
     assert [(node["id"], node["status"]) for node in below["nodes"]] == [("start", None), ("words", None)]
-    rules = json.loads(space.dxb("show", "--graph", "say/words", "--json", "--by", "rule").out)
+    rules = space.dxb("show", "--graph", "say/words", "--json", "--by", "rule").document
     boxes = {node["id"]: (node["rule"], node["count"]) for node in rules["nodes"]}
     assert boxes == {
         f"toy.{name}": (f"toy.{name}", 2 if name == "shout" else 1) for name in ("start", "split", "shout", "join")
     }
-    (whole,) = json.loads(space.dxb("show", "--graph", "say/words", "--json", "--by", "recipe").out)["nodes"]
+    (whole,) = space.dxb("show", "--graph", "say/words", "--json", "--by", "recipe").document["nodes"]
     assert (whole["rule"], whole["count"]) == (None, 5)
     answer = space.dxb("show", "--graph", "say/words", "--by", "colour")
     assert (answer.code, "argument --by: invalid choice: 'colour'" in answer.err) == (2, True)
@@ -122,7 +122,7 @@ def test_the_graph_of_a_target_and_collapsed(space: Space) -> None:
 
 def test_copies_that_are_new_stand_beside_those_that_were_built(built: Space) -> None:
     built.edit("recipes/say/words.yaml", "  all:", "  more: {rule: toy.join, texts: $word.loud}\n  all:")
-    edges = json.loads(built.dxb("show", "--graph", "say/words", "--json").out)["edges"]
+    edges = built.dxb("show", "--graph", "say/words", "--json").document["edges"]
     assert {edge["from"] for edge in edges if edge["to"] == "more"} == {"words", "word[one].loud", "word[two].loud"}
 
 

@@ -20,7 +20,7 @@ from dextera_build.formats.ros import reading
 from dextera_build.policy import robot_run
 from dextera_build.sim.model.model import compile_folder
 from dextera_build.sim.runtime.palms import Palms
-from tests import factories, task_bundles
+from tests import documents, factories, task_bundles
 from tests.e2e.page import blocks
 from tests.e2e.space import Space
 
@@ -208,8 +208,7 @@ def ended(robot: subprocess.Popen[str]) -> dict[str, Any]:
     robot.send_signal(signal.SIGINT)
     out, err = robot.communicate(timeout=60)
     assert robot.returncode == 0, err
-    found: dict[str, Any] = json.loads(out)
-    return found
+    return documents.read(out)
 
 
 def ran(space: Space, out: str, *more: str, policy: str = "task/try:policy") -> tuple[int, dict[str, Any]]:
@@ -217,7 +216,7 @@ def ran(space: Space, out: str, *more: str, policy: str = "task/try:policy") -> 
     command = ("run", "task/try", "--policy", policy, "--robot", "127.0.0.1", "--out", out, "--json")
     done = space.dxb(*command, *NAMES, *more)
     assert done.out, done.err
-    return done.code, json.loads(done.out)
+    return done.code, done.document
 
 
 @pytest.mark.slow
@@ -234,7 +233,7 @@ def test_a_policy_drives_a_robot_over_dds(built: Space) -> None:
     try:
         doctor = space.dxb("robot", "doctor", "task/try", "--json", *NAMES, *SEEING)
         assert doctor.code == 0, doctor.err
-        checks = json.loads(doctor.out)
+        checks = doctor.document
         assert checks["failed"] == 0
         assert f"{PICTURES} arrives" in {each["check"] for each in checks["checks"]}
         unnamed = space.dxb("robot", "doctor", "task/try", "--domain", DOMAIN)
@@ -312,7 +311,7 @@ def test_a_demonstration_is_recorded_while_another_program_commands(built: Space
     finally:
         heard = ended(robot)
     assert (code, recorder.returncode) == (0, 0), err
-    told = json.loads(out)
+    told = documents.read(out)
     assert (told["reason"], told["steps"], told["success"]) == ("not done within 2 s", 10, False)
     assert heard["commands"] == 40  # those of the run alone
     done = space.build("task/from_robot:episodes", "--input", "task=task/try:task", "--input", "runs=demo.mcap")
@@ -326,7 +325,7 @@ def test_a_policy_of_another_process_drives_a_robot_over_dds(built: Space) -> No
     space = built
     server = space.start("serve", "task/try:policy", "--port", "0", "--json")
     assert server.stdout is not None
-    address = json.loads(server.stdout.readline())["url"]
+    address = documents.read(server.stdout.readline())["url"]
     robot = started(space)
     try:
         code, told = ran(space, "served.mcap", policy=address)

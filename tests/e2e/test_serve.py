@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from tests import documents
 from tests.e2e.space import Space
 
 TASK = """
@@ -54,7 +55,7 @@ def test_a_policy_is_served_and_evaluated_over_the_network(space: Space) -> None
     server = space.start("serve", "task/try:act", "--port", "0", "--json", *FLAGS)
     assert server.stdout is not None
     try:
-        stated = json.loads(server.stdout.readline())
+        stated = documents.read(server.stdout.readline())
         assert (stated["algorithm"], stated["task"], stated["horizon"]) == ("act", "Try", 20)
         assert len(stated["joints"]) == 23
         asked = space.build("task/asked", "--set", f"policy.address={stated['url']}", *FLAGS)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 
@@ -191,11 +190,11 @@ def test_two_machines_and_a_bucket(space: Space, tmp_path: Path) -> None:
 
 @pytest.mark.medium
 def test_what_is_checked_pushed_and_pulled_is_told_as_json(space: Space) -> None:
-    assert json.loads(space.dxb("check", "say/words", "--json").out)[0]["target"] == "say/words"
+    assert space.dxb("check", "say/words", "--json").rows[0]["target"] == "say/words"
     assert space.build("say/words").code == 0
-    sent = json.loads(space.dxb("cache", "push", "say/words", "--to", "./elsewhere", "--json").out)
+    sent = space.dxb("cache", "push", "say/words", "--to", "./elsewhere", "--json").rows
     shutil.rmtree(space.root / "cache")
-    pulled = json.loads(space.dxb("cache", "pull", "say/words", "--from", "./elsewhere", "--json").out)
+    pulled = space.dxb("cache", "pull", "say/words", "--from", "./elsewhere", "--json").rows
     assert [row["node"] for row in pulled] == ["all"]
     assert len({row["key"] for row in sent}) == len(sent) > 1
     assert (space.root / pulled[0]["file"]).is_file()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shlex
 
@@ -24,7 +23,7 @@ def test_plan_tells_what_would_run(space):
     assert [row[:2] for row in rows if row[0] == "start"] == [["start", "stale"]]
     assert {row[1] for row in rows if row[0] != "start"} == {"unknown"}
     space.build("say/words")
-    rows = json.loads(space.dxb("plan", "--json", "say/words").out)
+    rows = space.dxb("plan", "--json", "say/words").rows
     assert {row["status"] for row in rows} == {"cached"}
 
 
@@ -37,9 +36,9 @@ def test_plan_ends_with_a_sum(space):
 
 
 def test_get_and_report_answer_in_json(built):
-    (path,) = json.loads(built.dxb("get", "say/words:all", "--json", "-o", "got").out)["files"]
+    (path,) = built.dxb("get", "say/words:all", "--json", "-o", "got").document["files"]
     assert (built.root / path).is_file()
-    assert (built.root / json.loads(built.dxb("report", "--json").out)["report"]).is_file()
+    assert (built.root / built.dxb("report", "--json").document["report"]).is_file()
 
 
 def test_ls(built):
@@ -47,24 +46,24 @@ def test_ls(built):
     assert "toy.start\tReturn the text." in built.dxb("ls", "rules").out
     assert "toy.spoken\tcloud\tcloud\tno: no-such-distribution" in built.dxb("ls", "backends").out
     assert "say/words:word[one].loud\tcached\ttoy.shout\t-\t" in built.dxb("ls", "say/words").out
-    (run,) = json.loads(built.dxb("ls", "--json", "runs").out)
+    (run,) = built.dxb("ls", "--json", "runs").rows
     assert (run["run"], run["recipe"], run["ended"]) == ("0001", "say/words", "done")
 
 
 def test_show_a_node_and_the_configuration(built):
-    shown = json.loads(built.dxb("show", "--json", "say/words:word[one].loud").out)
-    assert shown["rule"] == "toy.shout version 1"
+    shown = built.dxb("show", "--json", "say/words:word[one].loud").document
+    assert (shown["rule"], shown["version"], shown["backend"]) == ("toy.shout", 1, None)
     assert shown["type"] == "File"
-    assert shown["option times"] == "1"
+    assert shown["options"]["times"] == 1
     config = built.dxb("show", "--config", env={"DXB_JOBS": "3"}).out
     assert "jobs\t3\tenvironment" in config
     assert "cache\tcache\tdxb.toml" in config
     assert "profile\tcpu\tdefault" in config
     assert "durable\ttrue\tdefault" in built.dxb("show", "--config", env={"DXB_DURABLE": ""}).out
-    config = json.loads(built.dxb("show", "--config", "--json", env={"DXB_JOBS": "3"}).out)
-    assert config["jobs"] == {"value": "3", "origin": "environment"}
-    past = json.loads(built.dxb("show", "--json", "say/words").out)
-    assert past["start"]["run"] == "0001"
+    config = built.dxb("show", "--config", "--json", env={"DXB_JOBS": "3"}).rows
+    assert {"setting": "jobs", "value": 3, "origin": "environment"} in config
+    past = {row["node"]: row["run"] for row in built.dxb("show", "--json", "say/words").rows}
+    assert past["start"] == "0001"
 
 
 def test_get_writes_the_artifact(built):
@@ -152,7 +151,7 @@ def test_cache_size_counts(built):
 def test_doctor_lists_findings(space):
     answer = space.dxb("doctor", "--json")
     assert answer.code in (0, 4)
-    found = {finding["what"]: finding for finding in json.loads(answer.out)}
+    found = {finding["what"]: finding for finding in answer.rows}
     assert {"python", "store", "rendering"} <= set(found)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import time
 
@@ -37,7 +36,7 @@ targets: {default: [end]}
 
 def causes(answer) -> list[tuple[int, str, str]]:
     """(depth, kind, name) of every line."""
-    return [(row["depth"], row["kind"], row["name"]) for row in json.loads(answer.out)["causes"]]
+    return [(row["depth"], row["kind"], row["name"]) for row in answer.document["causes"]]
 
 
 @pytest.fixture
@@ -108,7 +107,7 @@ def test_a_moved_statement_is_told_as_a_change_of_order(space):
     space.edit("rules/toy/marks.py", "def mark", "SIGNS = {}\nSIGN = SIGNS.get(1)\nSIGNS.update({})\n\ndef mark")
     assert space.build("say/words").code == 0
     space.edit("rules/toy/marks.py", "SIGN = SIGNS.get(1)\nSIGNS.update({})", "SIGNS.update({})\nSIGN = SIGNS.get(1)")
-    (cause,) = json.loads(space.dxb("why", "--json", "say/words:word[two].loud").out)["causes"]
+    (cause,) = space.dxb("why", "--json", "say/words:word[two].loud").document["causes"]
     assert (cause["kind"], cause["name"]) == ("code", "order of statements of rules/toy/marks.py")
     assert cause["change"] == "SIGN <module> -> <module> SIGN"
 
@@ -119,11 +118,11 @@ def test_another_version_of_an_imported_package_makes_stale_what_reaches_it(spac
     metadata = "Metadata-Version: 2.1\nName: opencv-python-headless\nVersion: 99.9\n"
     space.write("newer/opencv_python_headless-99.9.dist-info/METADATA", metadata)
     newer = {"PYTHONPATH": os.pathsep.join([str(PACKAGE.parent), str(space.root / "newer")])}
-    rows = json.loads(space.dxb("plan", "--json", "say/words", env=newer).out)
+    rows = space.dxb("plan", "--json", "say/words", env=newer).rows
     found = {row["node"]: row["status"] for row in rows}
     assert {node for node, status in found.items() if status == "stale"} == {"word[one].loud", "word[two].loud"}
     assert {node for node, status in found.items() if status == "cached"} == {"start", "words"}
-    (cause,) = json.loads(space.dxb("why", "--json", "say/words:word[two].loud", env=newer).out)["causes"]
+    (cause,) = space.dxb("why", "--json", "say/words:word[two].loud", env=newer).document["causes"]
     assert (cause["kind"], cause["name"]) == ("package", "opencv-python-headless")
     assert cause["change"].endswith(" -> 99.9")
 
@@ -132,7 +131,7 @@ def test_a_changed_helper_is_named_with_function_and_line(built):
     built.edit("rules/toy/marks.py", 'b"!" * times', 'b"?" * times')
     for _ in range(2):  # the second command repeats the plan of the first
         time.sleep(0.05)
-        answer = json.loads(built.dxb("why", "--json", "say/words:word[two].loud").out)
+        answer = built.dxb("why", "--json", "say/words:word[two].loud").document
         (cause,) = answer["causes"]
         assert cause["kind"] == "code"
         assert cause["name"] == "`mark` of rules/toy/marks.py"
@@ -215,7 +214,7 @@ def test_a_node_that_waits_shows_the_way_to_the_changed_file(notes):
         (4, "file", "b.txt"),
         (4, "file", "c.txt"),
     ]
-    rows = json.loads(answer.out)["causes"]
+    rows = answer.document["causes"]
     assert (rows[2]["change"], rows[2]["place"]) == ("stale", "input `text`")
     assert rows[3]["place"] == "notes"
     assert rows[4]["place"] == "notes/b.txt"
@@ -226,7 +225,7 @@ def test_what_was_built_meanwhile_is_followed_to_its_first_cause(notes):
     notes.write("notes/b.txt", "three")
     assert notes.build("say/notes:all").code == 0
     answer = notes.dxb("why", "--json", "say/notes:end")
-    assert json.loads(answer.out)["answer"].startswith("stale: 1 thing it depends on changed since run 0001")
+    assert answer.document["answer"].startswith("stale: 1 thing it depends on changed since run 0001")
     # One word was left out and another came in, so `all` reads other copies: that comes from `words`.
     assert causes(answer) == [
         (0, "input", "text"),
@@ -235,7 +234,7 @@ def test_what_was_built_meanwhile_is_followed_to_its_first_cause(notes):
         (3, "input", "notes"),
         (4, "file", "b.txt"),
     ]
-    assert json.loads(answer.out)["causes"][1]["change"].endswith("; new: word[three].loud; gone: word[two].loud")
+    assert answer.document["causes"][1]["change"].endswith("; new: word[three].loud; gone: word[two].loud")
 
 
 def test_copies_that_changed_alike_stand_together(built):
@@ -288,7 +287,7 @@ def test_an_input_that_comes_from_elsewhere_says_from_where(built):
 
 def test_what_was_never_built_names_what_it_waits_for(space):
     answer = space.dxb("why", "--json", "say/words:all")
-    assert json.loads(answer.out)["answer"] == "never built"
+    assert answer.document["answer"] == "never built"
     assert causes(answer) == [
         (0, "waits for", "words"),
         (1, "waits for", "start"),
@@ -297,7 +296,7 @@ def test_what_was_never_built_names_what_it_waits_for(space):
 
 def test_a_lost_key_document_is_said(built):
     built.edit("recipes/say/words.yaml", "text: one two", "text: three")
-    key = json.loads(built.dxb("show", "--json", "say/words:start").out)["key"]
+    key = built.dxb("show", "--json", "say/words:start").document["key"]
     (built.root / "cache" / "cas" / key[:2] / key[2:]).unlink()
     answer = built.dxb("why", "say/words:start")
     assert answer.code == 0

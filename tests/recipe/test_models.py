@@ -73,6 +73,7 @@ def test_a_backend_waits_for_its_weights_and_its_licence_then_runs_and_loads_onc
     assert "`dxb models accept voice`, `dxb models get voice`" in refused.err
     assert "voice\tmissing" in voiced.dxb("models", "ls").out
     assert voiced.dxb("models", "accept", "voice").out == "voice\tResearch\tcommercial use\n"
+    assert voiced.dxb("models", "accept", "voice", "--json").rows[0]["forbids"] == "commercial use"
     voiced.write("voice.txt", "!")
     assert voiced.dxb("models", "add", "voice", "voice.txt").code == 0
     built = voiced.dxb("build", "say/b")
@@ -121,7 +122,7 @@ def test_other_weights_make_their_nodes_stale_and_no_others(voiced):
     why = voiced.dxb("why", "say/b:t").out
     assert "weights" in why
     assert "voice" in why
-    models = {row["model"]: row for row in json.loads(voiced.dxb("models", "ls", "--json").out)}
+    models = {row["model"]: row for row in voiced.dxb("models", "ls", "--json").rows}
     digest = models["voice"]["digest"]
     assert voiced.dxb("build", "say/b").code == 0
     first = next(row for row in (voiced.root / "models" / "voice").glob("*.json") if digest[:12] not in row.name)
@@ -141,7 +142,7 @@ def test_weights_of_another_version_than_described_are_refused(voiced):
 def test_damage_is_found_and_a_file_that_is_gone_counts_as_missing(voiced):
     voiced.settings["DXB_ACCEPT_LICENCES"] = "voice"
     voiced.write("voice.txt", "!")
-    folder = Path(json.loads(voiced.dxb("models", "add", "voice", "voice.txt", "--json").out)[0]["folder"])
+    folder = Path(voiced.dxb("models", "add", "voice", "voice.txt", "--json").rows[0]["folder"])
     assert voiced.dxb("models", "verify").out.endswith("\t-\n")
     (folder / "voice.txt").chmod(0o644)
     (folder / "voice.txt").write_text("?")
@@ -149,7 +150,9 @@ def test_damage_is_found_and_a_file_that_is_gone_counts_as_missing(voiced):
     (folder / "voice.txt").unlink()
     assert "voice.txt of the weights `voice`" in voiced.dxb("build", "say/b").err
     assert "incomplete" in voiced.dxb("models", "ls").out
-    assert voiced.dxb("models", "rm", "voice").code == 0
+    assert voiced.dxb("models", "verify", "--json").rows[0]["damaged"] == ["voice.txt"]
+    (gone,) = voiced.dxb("models", "rm", "voice", "--json").rows
+    assert (gone["model"], gone["bytes"]) == ("voice", 1)
     assert "missing" in voiced.dxb("models", "ls").out
 
 
@@ -203,7 +206,7 @@ def test_every_bundled_model_can_be_read():
 @pytest.mark.slow
 def test_the_doctor_tells_of_weights_licence_and_memory_and_runs_the_self_test(voiced):
     def row(*flags: str) -> dict[str, object]:
-        rows = json.loads(voiced.dxb("doctor", "--json", *flags).out)
+        rows = voiced.dxb("doctor", "--json", *flags).rows
         return next(row for row in rows if row["what"] == "toy.spoken=voice")
 
     told = row()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import pytest
 
 from dextera_build.engine import missing
@@ -76,7 +74,7 @@ def test_a_plan_without_its_inputs_shows_the_backends_and_lists_inputs_and_backe
     space.write("recipes/say/b.yaml", ASKING.format(backend=", backend: cloud"))
     answer = space.dxb("plan", "say/b", "--json")
     assert answer.code == 2
-    rows = {row["node"]: row for row in json.loads(answer.out)}
+    rows = {row["node"]: row for row in answer.rows}
     assert {name: row["status"] for name, row in rows.items()} == {"copy.loud": "missing", "all": "unknown"}
     assert rows["copy.loud"]["needs"] == ["no-such-distribution"]
     assert rows["copy.loud"]["next"] == install_extra("models")
@@ -99,9 +97,9 @@ def test_a_plan_without_its_inputs_shows_the_backends_and_lists_inputs_and_backe
 @pytest.mark.slow
 def test_the_plan_of_a_photograph_and_the_doctor_agree_on_what_the_models_need(space):
     answer = space.dxb("plan", "twin/from_photo", "--profile", "gpu", "--json")
-    planned = {f"{row['rule']}={row['backend']}": row for row in json.loads(answer.out) if row["status"] == "missing"}
+    planned = {f"{row['rule']}={row['backend']}": row for row in answer.rows if row["status"] == "missing"}
     assert len(planned) >= 5  # without weights
-    found = {row["what"]: row for row in json.loads(space.dxb("doctor", "--profile", "gpu", "--json").out)}
+    found = {row["what"]: row for row in space.dxb("doctor", "--profile", "gpu", "--json").rows}
     for name, row in planned.items():
         assert found[name]["found"].endswith(f"needs {', '.join(row['needs'])}")
         assert row["next"].startswith(found[name]["mend"])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +56,7 @@ def test_hands_of_a_task_are_made_and_pass_the_check(tmp_path: Path) -> None:
     assert len(stream.takes) == 2
     assert len({take.seed for take in stream.takes}) == 2
     assert stream.rate_hz == pytest.approx(72, rel=0.02)
-    shown = json.loads(space.dxb("show", "reference/operator_hands:hands", "--json").out)
+    shown = space.dxb("show", "reference/operator_hands:hands", "--json").document
     assert "no person and no headset" in shown["result"]
     checked = space.build("capture/hands", "--input", f"operator={made}")
     assert checked.code == 0, checked.err[-3000:]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
@@ -173,8 +172,8 @@ def test_a_knocked_camera_rebuilds_what_depends_on_its_calibration_alone(tmp_pat
     assert moved.code == 0, moved.err[-3000:]
     stubs_end = {"again/mount", "camera", "base", "task"} if profile == "stub" else set()
     assert moved.nodes("ran") == KNOCKED - stubs_end
-    told = json.loads(space.dxb("diff", address, "--json").out)
-    motions = {each["node"]: row["motion"] for each in told["differences"] for row in each["rows"] if "motion" in row}
+    told = space.dxb("diff", address, "--json").document
+    motions = {each["node"]: row["motion"] for each in told["differences"] for row in each["rows"] if row["motion"]}
     if profile == "cpu":
         # The camera moved by 20.2 mm and 0.985 deg; the robot stayed where it was.
         assert motions["camera"]["distance_m"] == pytest.approx(0.0202, abs=0.005)

@@ -42,6 +42,8 @@ def run(args: argparse.Namespace) -> int:
     project = options.project(args)
     if args.remove:
         bind.remove(project, args.target, args.remove)
+        if args.json:
+            table.give("bind.removed", {"target": args.target, "removed": args.remove}, as_json=True)
         return 0
     naming = bind.Naming(project, args.target)
     with console(project.console, sys.stderr, verbose=False) as shown:
@@ -61,8 +63,9 @@ def run(args: argparse.Namespace) -> int:
         }
         for row in found.rows
     ]
-    rows = [dataclasses.asdict(row) for row in found.rows]
-    return table.give({"node": naming.address, "objects": rows, "stale": found.stale}, as_json=args.json, cells=cells)
+    rows = [dataclasses.asdict(row) | {"bound": row.bound or None} for row in found.rows]
+    content = {"node": naming.address, "objects": rows, "stale": found.stale}
+    return table.give("bind", content, as_json=args.json, cells=cells)
 
 
 def _point(text: str | None) -> tuple[int, int] | None:

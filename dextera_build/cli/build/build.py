@@ -106,4 +106,4 @@ def _check(session: Session, order: Order, locking: Locking) -> int:
     plan = session.plan()
     wanted = [address for target in order.targets for address in addresses(plan.graph, target)]
     locking.refuse(session, plan, wanted)
-    return check(session, plan.graph, wanted)
+    return check("plan.check", session, plan.graph, wanted)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
 import time
@@ -52,24 +51,25 @@ def run(args: argparse.Namespace) -> int:
         return check_calibration.run(args, args.targets[1:], project)
     code, rows = 0, list[dict[str, Any]]()
     for target in args.targets or [address for address, _ in project.recipes()]:
+        rows.append({"target": target, "found": None, "bounds": (), "error": None})
         try:
             session, node = options.session(args, target, project, last=True)
             if node:
-                rows.append({"target": target, "found": _repeat(session, node)})
+                rows[-1]["found"] = _repeat(session, node)
                 continue
             plan = session.plan(incomplete=True)
-            rows.append({"target": target, "found": _resolved(plan)})
+            rows[-1]["found"] = _resolved(plan)
             if not plan.absent:
                 _compare(session, plan.graph, rows[-1], needs_all=bool(args.targets))
         except DxbError as error:
+            rows[-1]["error"] = error.to_json()
             if len(args.targets) == 1:
-                _give(rows, as_json=args.json and bool(rows))
+                _give(rows, as_json=args.json)
                 raise
             from dextera_build.cli.errors import render
 
             print(render(error), file=sys.stderr)
             code = max(code, error.exit_code)
-            rows += [{"target": target, "error": error.to_json()}] if args.json else []
     _give(rows, as_json=args.json)
     return code
 
@@ -77,11 +77,10 @@ def run(args: argparse.Namespace) -> int:
 def _give(rows: Sequence[dict[str, Any]], *, as_json: bool) -> None:
     """Print the recipes, then the bounds of those that state any."""
     if as_json:
-        shown = [{**row, "bounds": expected.rows(row["bounds"])} if "bounds" in row else row for row in rows]
-        print(json.dumps(shown, indent=1))
+        table.give("check", [{**row, "bounds": expected.rows(row["bounds"])} for row in rows], as_json=True)
         return
-    table.show([{name: row[name] for name in ("target", "found")} for row in rows if "found" in row])
-    table.show([cell for row in rows for cell in expected.cells(row.get("bounds", ()))])
+    table.show([{name: row[name] for name in ("target", "found")} for row in rows if row["found"] is not None])
+    table.show([cell for row in rows for cell in expected.cells(row["bounds"])])
 
 
 def _compare(session: Session, graph: Graph, row: dict[str, Any], *, needs_all: bool) -> None:

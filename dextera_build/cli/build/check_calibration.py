@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dextera_build.building.build import Order
 from dextera_build.building.lock import Locking
@@ -33,7 +33,7 @@ def run(args: argparse.Namespace, targets: list[str], project: Project) -> int:
             code="DXB-U151",
             hint=f"`dxb check calibration RECIPE:NODE`, where the node is of rule `{RULE}`",
         )
-    code, rows = 0, []
+    code, rows = 0, list[dict[str, Any]]()
     for recipe, nodes in options.by_recipe(targets).items():
         session = Session(project, recipe, options.added(args), makes=True)
         order = Order(nodes, False, [], False, tuple(sys.argv[1:]))
@@ -51,7 +51,9 @@ def run(args: argparse.Namespace, targets: list[str], project: Project) -> int:
                 )
             known = session.store.actions.known(finished.key or "")
             verdict = int(known.metrics["verdict"][0]) if known is not None else 2
-            rows.append({"target": f"{recipe}:{node}", "found": finished.line})
+            moved = (False, True, None)[verdict]
+            rows.append({"target": f"{recipe}:{node}", "moved": moved, "found": finished.line})
             code = max(code, CODES[verdict])
-    table.give(rows, as_json=args.json)
+    cells = [{"target": row["target"], "found": row["found"]} for row in rows]
+    table.give("check.calibration", rows, as_json=args.json, cells=cells)
     return code

@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     if args.check:
         from dextera_build.cli.build import stale
 
-        return stale.check(session, graph, wanted, as_json=args.json)
+        return stale.check("plan.check", session, graph, wanted, as_json=args.json)
     order = ranks(graph, wanted)
     nodes = sorted(planned(session, graph, wanted).values(), key=lambda node: order[parse_address(node.address).call])
     elsewhere = fetch.held(session, nodes)
@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
 def _give(rows: Sequence[Row], rules: Sequence[RuleFacts], *, as_json: bool) -> int:
     """Print the rows; in JSON with the missing requirements of the backend, and the next step."""
     full = [{**row, "needs": list(rule.missing), "next": rule.hint} for row, rule in zip(rows, rules, strict=True)]
-    return table.give(full, as_json=as_json, cells=rows)
+    return table.give("plan", full, as_json=as_json, cells=rows)
 
 
 def _incomplete(plan: Plan, wanted: Sequence[Address], *, as_json: bool) -> int:

@@ -20,9 +20,23 @@ if TYPE_CHECKING:
 
 
 def check(
-    session: Session, graph: Graph, wanted: Sequence[Address], *, as_json: bool = False, refuses: bool = True
+    document: str,
+    session: Session,
+    graph: Graph,
+    wanted: Sequence[Address],
+    *,
+    as_json: bool = False,
+    refuses: bool = True,
 ) -> int:
     """Print every stale node with its cause; then, with `refuses`, raise if there is one, otherwise count them.
+
+    Args:
+        document: Name of the document with `as_json`.
+        session: The recipe.
+        graph: Its graph.
+        wanted: The targets.
+        as_json: Whether to print JSON.
+        refuses: Whether to raise.
 
     Raises:
         StaleError: A node that `wanted` needs would run.
@@ -32,7 +46,7 @@ def check(
     waiting = sum(node.status == "unknown" for node in states.values())
     causes = Causes(session, graph, states)
     rows = [{"node": name, "why": _reason(session, states, causes, name)} for name in stale]
-    table.give(rows, as_json=as_json)
+    table.give(document, rows, as_json=as_json)
     if stale and refuses:
         raise StaleError(
             f"`{session.recipe}` is stale",

@@ -83,9 +83,8 @@ def _print(
         for node, rows in found.items()
         for row in rows[:_MOST]
     ]
-    table.give(
-        {"old": names[0], "new": names[1], "summary": told, "differences": plain}, as_json=args.json, cells=cells
-    )
+    content = {"old": names[0], "new": names[1], "summary": told or None, "differences": plain}
+    table.give("diff", content, as_json=args.json, cells=cells)
     if args.json:
         return 0
     for node, rows in found.items():

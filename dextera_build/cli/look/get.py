@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
 from pathlib import Path
 
-from dextera_build.cli import options
-from dextera_build.cli.table import writing
+from dextera_build.cli import options, table
 from dextera_build.errors import UsageError
 
 
@@ -45,7 +43,8 @@ def run(args: argparse.Namespace) -> int:
         print(told, file=sys.stderr)
     out = Path(args.out)
     as_file = bool(out.suffix) and not (args.out.endswith(os.sep) or out.is_dir())
-    with writing(out):
+    with table.writing(out):
         written = one_file.write(artifact, out) if as_file else artifact.export(out, wanted.stem)
-    print(json.dumps({"files": [str(path) for path in written]}) if args.json else "\n".join(map(str, written)))
+    files = [str(path) for path in written]
+    table.say("get", {"files": files}, "\n".join(files), as_json=args.json)
     return 0

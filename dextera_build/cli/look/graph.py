@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import json
 from typing import TYPE_CHECKING
 
-from dextera_build.cli import nodes, options
-from dextera_build.cli.table import give_text
+from dextera_build.cli import nodes, options, table
 from dextera_build.report.collapse import WAYS
 from dextera_build.session import addresses
 
@@ -25,15 +23,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the graph, or write it and print its path.
-
-    The JSON has `recipe`, `target`, `by`, `nodes` (`id`, `rule`, `backend`, `status`: null without `--status`; `count`:
-    number of nodes in the box; rule and backend are null if its nodes differ) and `edges` (`from`, `to`: ids; `to`
-    reads the output of `from`).
-    """
+    """Print the graph, or write it and print its path."""
     session, target = options.session(args, args.target)
     found = _nodes(session, target, marked=args.status)
-    return give_text(session.project, _written(args, session.recipe, target, found), args.out)
+    text = _written(args, session.recipe, target, found)
+    return table.give_text(session.project, text, args.out, as_json=args.json)
 
 
 def _nodes(session: Session, target: str, *, marked: bool) -> list[Node]:
@@ -56,10 +50,8 @@ def _written(args: argparse.Namespace, recipe: str, target: str, drawn: list[Nod
 
     boxes = collapse.collapse(drawn, args.by)
     title = f"{recipe}:{target}" if target else recipe
-    if args.dot:
-        return drawing.dot(title, boxes)
     if not args.json:
-        return drawing.svg(title, boxes)
+        return drawing.dot(title, boxes) if args.dot else drawing.svg(title, boxes)
     rows, members = [], collapse.members(drawn, args.by)
     for box in boxes:
         inside = members[box.address]
@@ -67,4 +59,5 @@ def _written(args: argparse.Namespace, recipe: str, target: str, drawn: list[Nod
         same = {name: values.pop() if len(values) == 1 else None for name, values in alike.items()}
         rows.append({"id": box.address, **same, "status": box.status or None, "count": len(inside)})
     edges = [{"from": source, "to": box.address} for box in boxes for source in box.depends_on]
-    return json.dumps({"recipe": recipe, "target": target, "by": args.by, "nodes": rows, "edges": edges}, indent=1)
+    told = {"recipe": recipe, "target": target or None, "by": args.by, "nodes": rows, "edges": edges}
+    return table.spelled("show.graph", told, indent=1)

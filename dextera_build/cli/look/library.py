@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dextera_build.cli import options, table
 from dextera_build.errors import UsageError
@@ -43,7 +42,8 @@ def run(args: argparse.Namespace) -> int:
         if (not args.kind or asset.kind == args.kind) and all(word in asset.words() for word in words)
     ]
     if args.out is None:
-        return table.give([asset.plain() for asset in found], as_json=args.json, cells=[_cells(one) for one in found])
+        rows = [_row(asset) for asset in found]
+        return table.give("library", rows, as_json=args.json, cells=[_cells(one) for one in found])
     if not found:
         raise UsageError(
             "no asset fits" if words or args.kind else "no asset is in the store",
@@ -55,8 +55,14 @@ def run(args: argparse.Namespace) -> int:
     out = Path(args.out)
     with table.writing(out):
         written = [project.shown(path.absolute()) for path in folder.write(project, found, out)]
-    print(json.dumps({"files": written}) if args.json else "\n".join(written))
+    table.say("library.folder", {"files": written}, "\n".join(written), as_json=args.json)
     return 0
+
+
+def _row(asset: Asset) -> dict[str, Any]:
+    """The asset as data, with None for texts that do not apply."""
+    plain = asset.plain()
+    return plain | {name: plain[name] or None for name in ("scale", "material", "urdf")}
 
 
 def _cells(asset: Asset) -> dict[str, str]:

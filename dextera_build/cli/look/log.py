@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
             {"node": node, "status": event["status"], "time": f"{event['seconds']:.1f} s", "line": _line(event)}
             for node, event in finished.items()
         ]
-        code = table.give(events, as_json=args.json, cells=cells)
+        code = table.give("log", events, as_json=args.json, cells=cells)
         _tell_costs(events)
         return code
     if args.node not in finished:
@@ -46,6 +46,9 @@ def run(args: argparse.Namespace) -> int:
         )
     logged = (event["text"] for event in events if event["event"] == "node_log" and event["node"] == args.node)
     text = _printed(project, finished[args.node]) or "\n".join(logged)
+    if args.json:
+        told = {"run": run, "node": args.node, "status": finished[args.node]["status"], "text": text or None}
+        return table.give("log.node", told, as_json=True)
     if text or finished[args.node].get("error"):
         print(text or _line(finished[args.node]))
     else:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from dextera_build.cli import nodes, options, table
 from dextera_build.project.project import Project
+from dextera_build.report.wording import moment
 
 Row = nodes.Row
 
@@ -29,25 +30,24 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print one line per row."""
+    from dextera_build.explain import calls
     from dextera_build.explain.runs import runs
 
     project = options.project(args)
-    listings = {
-        "recipes": _recipes,
-        "rules": _rules,
-        "backends": _backends,
-        "profiles": _profiles,
-        "runs": runs,
-        "divergent": _divergent,
+    listings: dict[str, tuple[Callable[[Project], Iterator[Row]], Callable[[Row], Row]]] = {
+        "recipes": (_recipes, dict),
+        "rules": (_rules, dict),
+        "backends": (_backends, _backend_cells),
+        "profiles": (_profiles, _profile_cells),
+        "runs": (runs, _dated),
+        "divergent": (_divergent, _divergent_cells),
+        "calls": (calls.rows, calls.cells),
     }
-    if args.what == "calls":
-        from dextera_build.explain import calls
-
-        found = list(calls.rows(project))
-        return table.give(found, as_json=args.json, cells=[calls.cells(row) for row in found])
-    listing = listings.get(args.what)
-    rows = list(listing(project) if listing else nodes.rows(project, args))
-    return table.give(rows, as_json=args.json)
+    if args.what not in listings:
+        return table.give("ls.nodes", list(nodes.rows(project, args)), as_json=args.json)
+    listing, cells = listings[args.what]
+    rows = list(listing(project))
+    return table.give(f"ls.{args.what}", rows, as_json=args.json, cells=[cells(row) for row in rows])
 
 
 def _recipes(project: Project) -> Iterator[Row]:
@@ -68,12 +68,24 @@ def _backends(project: Project) -> Iterator[Row]:
             yield {
                 "rule": found.path,
                 "backend": backend.name,
-                "profiles": ",".join(facts.profiles),
-                "installed": "no: " + ", ".join(missing) if missing else "yes",
-                "gpu": f"{facts.gpu_gb:g} GiB" if facts.gpu_gb else "-",
+                "profiles": list(facts.profiles),
+                "lacks": list(missing),
+                "gpu_gb": facts.gpu_gb or None,
                 "licence": facts.licence,
                 "summary": facts.summary,
             }
+
+
+def _backend_cells(row: Row) -> Row:
+    return {
+        "rule": row["rule"],
+        "backend": row["backend"],
+        "profiles": ",".join(row["profiles"]),
+        "installed": "no: " + ", ".join(row["lacks"]) if row["lacks"] else "yes",
+        "gpu": f"{row['gpu_gb']:g} GiB" if row["gpu_gb"] else "-",
+        "licence": row["licence"],
+        "summary": row["summary"],
+    }
 
 
 def _profiles(project: Project) -> Iterator[Row]:
@@ -85,20 +97,34 @@ def _profiles(project: Project) -> Iterator[Row]:
         for found in project.library.rules():
             if found.backends:
                 listed, source = profile.preferred(found)
-                yield {"profile": name, "rule": found.path, "backends": ",".join(listed) or "-", "from": source}
+                yield {"profile": name, "rule": found.path, "backends": list(listed), "from": source}
+
+
+def _profile_cells(row: Row) -> Row:
+    return row | {"backends": ",".join(row["backends"]) or "-"}
 
 
 def _divergent(project: Project) -> Iterator[Row]:
     """Keys whose node returned another output when it ran again."""
-    import time
-
     from dextera_build.session import reading
 
     for found in reading(project).divergent.all():
         yield {
             "node": found.node,
-            "key": found.key[:12],
-            "first": found.first[:12],
-            "again": ",".join(output[:12] for output in found.again),
-            "when": time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(found.time)),
+            "key": found.key,
+            "first": found.first,
+            "again": list(found.again),
+            "time": found.time,
         }
+
+
+def _divergent_cells(row: Row) -> Row:
+    short = {"key": row["key"][:12], "first": row["first"][:12], "again": ",".join(each[:12] for each in row["again"])}
+    return _dated(row | short)
+
+
+def _dated(row: Row) -> Row:
+    """A row with the local date and time in place of seconds since the epoch."""
+    return {
+        name if name != "time" else "when": value if name != "time" else moment(value) for name, value in row.items()
+    }

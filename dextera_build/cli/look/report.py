@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import webbrowser
 from collections.abc import Mapping
@@ -11,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dextera_build.cli import options
+from dextera_build.cli import options, table
 from dextera_build.errors import DxbError, RecipeError
 
 if TYPE_CHECKING:
@@ -33,7 +32,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write the file and print its path."""
     from dextera_build.building import places
-    from dextera_build.cli.table import writing
     from dextera_build.explain import runs
     from dextera_build.report.build import build
     from dextera_build.session import Session, reading
@@ -53,12 +51,12 @@ def run(args: argparse.Namespace) -> int:
         found = project.recipe(recipe)
         expected = found.expect if found is not None else {}
     against = runs.find(project, args.against)[1] if args.against else None
-    with writing(out, hint=None if args.out else f"dxb report {recipe} -o report.html"):
+    with table.writing(out, hint=None if args.out else f"dxb report {recipe} -o report.html"):
         view = _view(Session(project, recipe, options.added(args), last=True), start["run"], out)
         link = view.name if view else ""
         path = build(events, reading(project), out, licences=licences, expected=expected, view=link, against=against)
-    written = {"report": project.shown(path)} | ({"view": project.shown(view)} if view else {})
-    print(json.dumps(written) if args.json else written["report"])
+    written = {"report": project.shown(path), "view": project.shown(view) if view else None}
+    table.say("report", written, project.shown(path), as_json=args.json)
     if args.open or (os.environ.get("DISPLAY") and os.isatty(1) and args.out is None):
         webbrowser.open(path.absolute().as_uri())
     return 0

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from dextera_build.cli import built, options
+from dextera_build.cli import built, options, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -56,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
 
         def ready(port: int) -> None:
             url = f"ws://{shown(args.host)}:{port}"
-            print(json.dumps({"url": url, **served.promise.message()}) if args.json else url, flush=True)
+            table.say("serve", {"url": url, **served.promise.message()}, url, as_json=args.json)
             for line in () if args.json else _lines(served):
                 print(line, file=sys.stderr)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import shlex
 import sys
 import webbrowser
@@ -12,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dextera_build.cli import built, options
+from dextera_build.cli import built, options, table
 
 if TYPE_CHECKING:
     from dextera_build.teleop.live import Opened
@@ -84,7 +83,8 @@ def run(args: argparse.Namespace) -> int:
     replay = f"dxb build task/from_hands --input {shlex.quote(f'task={session.recipe}:{node}')}"
     replay += f" --input {shlex.quote(f'operator={out}')}" + ("" if ended.head else " --set hands.head=''")
     if args.json:
-        print(json.dumps(ended.facts() | {"replay": replay if ended.takes else None}))
+        told = ended.facts() | {"replay": replay if ended.takes else None}
+        table.say("teleop.ended", told, "", as_json=True)
         return 0
     for line in ended.lines():
         print(line, file=sys.stderr)
@@ -126,7 +126,7 @@ def _webcam(args: argparse.Namespace) -> Callable[[], Webcam] | None:
 
 
 def _opened(args: argparse.Namespace, opened: Opened) -> None:
-    print(json.dumps({"url": opened.url}) if args.json else opened.url, flush=True)
+    table.say("teleop", {"url": opened.url}, opened.url, as_json=args.json)
     if not args.json:
         for line in opened.lines():
             print(line, file=sys.stderr)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 import webbrowser
@@ -11,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dextera_build.cli import options
+from dextera_build.cli import options, table
 
 if TYPE_CHECKING:
     from dextera_build.session import Session
@@ -73,24 +72,25 @@ def _served(args: argparse.Namespace, session: Session, node: str) -> int:
         viewer.gui.add_markdown(f"**{stub}**")
     if args.save:
         return _save(args, viewer, steps)
-    print(json.dumps({"url": url}) if args.json else url, flush=True)
+    table.say("view", {"url": url}, url, as_json=args.json)
     print("press Ctrl-C to stop", file=sys.stderr)
     if not args.no_open:
         webbrowser.open(url)
-    while True:
-        try:
+    try:
+        while True:
             time.sleep(3600)
-        except KeyboardInterrupt:
-            return 0
+    except KeyboardInterrupt:
+        return 0
+    finally:
+        server.stop(viewer)
 
 
 def _save(args: argparse.Namespace, viewer: Any, steps: Iterator[float]) -> int:
-    from dextera_build.cli.table import writing
     from dextera_build.view import save, server
 
-    with writing(Path(args.save), hint=None):
+    with table.writing(Path(args.save), hint=None):
         path = save.write(viewer, Path(args.save), steps)
     server.stop(viewer)
     size = path.stat().st_size
-    print(json.dumps({"file": str(path), "bytes": size}) if args.json else f"{path}  {size / 1e6:.1f} MB")
+    table.say("view.file", {"file": str(path), "bytes": size}, f"{path}  {size / 1e6:.1f} MB", as_json=args.json)
     return 0

@@ -23,7 +23,7 @@ def run(args: argparse.Namespace) -> int:
         from dextera_build.cli.build import stale
 
         graph = session.plan().graph
-        return stale.check(session, graph, addresses(graph, ""), as_json=args.json, refuses=False)
+        return stale.check("why.recipe", session, graph, addresses(graph, ""), as_json=args.json, refuses=False)
     from dextera_build.explain.why import explain
 
     sentence, causes = explain(session, node)
@@ -41,4 +41,4 @@ def run(args: argparse.Namespace) -> int:
     ]
     if not args.json:
         print(sentence)
-    return table.give({"node": args.node, "answer": sentence, "causes": rows}, as_json=args.json, cells=cells)
+    return table.give("why", {"node": args.node, "answer": sentence, "causes": rows}, as_json=args.json, cells=cells)

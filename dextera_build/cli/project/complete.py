@@ -70,8 +70,9 @@ def _nodes(address: str) -> list[str]:
 
 def _runs(**_: Any) -> dict[str, str]:
     from dextera_build.explain.runs import runs
+    from dextera_build.report.wording import moment
 
-    found = {row["run"]: f"{row['recipe']}, {row['when']}" for row in runs(find())}
+    found = {row["run"]: f"{row['recipe']}, {moment(row['time'])}" for row in runs(find())}
     return found | dict.fromkeys(_recipes(), "the last run of this recipe")
 
 

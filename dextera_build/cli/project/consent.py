@@ -42,8 +42,8 @@ def run(args: argparse.Namespace) -> int:
 def _list(project: Project, args: argparse.Namespace) -> int:
     """Print one line per consent, first those of the variable `DXB_CONSENT`; `*` means every service."""
     found = consents(project)
-    rows = [{"service": s, "data": kind, "project": "DXB_CONSENT", "given": "-"} for s, kind in found.of_variable()]
-    return table.give([*rows, *(vars(one) for one in found.all())], as_json=args.json)
+    rows = [{"service": s, "data": kind, "project": "DXB_CONSENT", "given": None} for s, kind in found.of_variable()]
+    return table.give("consent.ls", [*rows, *(vars(one) for one in found.all())], as_json=args.json)
 
 
 def _give(project: Project, args: argparse.Namespace) -> int:

@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Iterator
+from pathlib import Path
 
 from dextera_build.cli import options, table
 from dextera_build.code.loader import BackendFile, RuleFile
@@ -43,12 +44,16 @@ def run(args: argparse.Namespace) -> int:
     """Print one line per finding, then the number that each step mends; return 4 if something is missing."""
     project = options.project(args)
     findings = [*_python(), *_store(project), *_libraries(), *_backends(project, args.self_test), *_rendering()]
-    rows = [dict(zip(("what", "ok", "found", "mend"), finding, strict=True)) for finding in findings]
+    rows = [
+        {"what": what, "ok": fine, "found": found, "mend": None if fine else mend}
+        for what, fine, found, mend in findings
+    ]
     cells = [
         {"state": "ok" if fine else "lacks", "what": what, "found": found, "mend": "" if fine else mend}
         for what, fine, found, mend in findings
     ]
-    table.give(rows, as_json=args.json, cells=cells)
+    content = {"cores": _cores(), "free_bytes": shutil.disk_usage(_existing(project)).free, "rows": rows}
+    table.give("doctor", content, as_json=args.json, cells=cells)
     lacking = [mend for _, fine, _, mend in findings if not fine]
     for mend, times in Counter(lacking).most_common() if len(lacking) > 1 else ():
         print(f"{times} of {len(lacking)} missing: {mend}", file=sys.stderr)
@@ -58,15 +63,23 @@ def run(args: argparse.Namespace) -> int:
 def _python() -> Iterator[Finding]:
     version = ".".join(str(part) for part in sys.version_info[:3])
     yield "python", sys.version_info >= (3, 11), version, "install Python 3.11"
-    yield "cores", True, str(len(os.sched_getaffinity(0))), ""
+    yield "cores", True, str(_cores()), ""
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0))
+
+
+def _existing(project: Project) -> Path:
+    """The store's folder, or the nearest one above that exists."""
+    return next(parent for parent in (project.cache, *project.cache.parents) if parent.exists())
 
 
 def _store(project: Project) -> Iterator[Finding]:
-    folder = project.cache
-    existing = next(parent for parent in (folder, *folder.parents) if parent.exists())
+    existing = _existing(project)
     free = shutil.disk_usage(existing).free / 2**30
     fine = os.access(existing, os.W_OK)
-    yield "store", fine, f"{project.shown(folder)}, {free:.0f} GiB free", "choose another one: `--cache DIR`"
+    yield "store", fine, f"{project.shown(project.cache)}, {free:.0f} GiB free", "choose another one: `--cache DIR`"
 
 
 def _libraries() -> Iterator[Finding]:

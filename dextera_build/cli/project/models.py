@@ -17,6 +17,8 @@ from dextera_build.models.model import Installed, Model
 from dextera_build.project.project import Project
 from dextera_build.report import wording
 
+INSTALLED = "installed"
+"""State of weights that can be used."""
 _ACTIONS = {
     "ls": "list described models: installed versions, licences, and the backends that use them",
     "get": "fetch weights, or complete damaged ones",
@@ -63,7 +65,7 @@ def _list(project: Project, args: argparse.Namespace) -> int:
     cells = [
         {
             "model": row["model"],
-            "state": row["state"],
+            "state": (row["digest"] or "")[:12] if row["state"] == INSTALLED else row["state"],
             "size": wording.size(row["bytes"]) if row["bytes"] else "-",
             "memory": f"{row['memory_gb']:g} GiB" if row["memory_gb"] else "-",
             "licence": row["licence"] + (f" (forbids {row['forbids']})" if row["forbids"] else ""),
@@ -72,7 +74,7 @@ def _list(project: Project, args: argparse.Namespace) -> int:
         }
         for row in rows
     ]
-    return table.give(rows, as_json=args.json, cells=cells)
+    return table.give("models.ls", rows, as_json=args.json, cells=cells)
 
 
 def _rows(project: Project) -> Iterator[dict[str, Any]]:
@@ -89,14 +91,14 @@ def _rows(project: Project) -> Iterator[dict[str, Any]]:
         yield {
             "model": name,
             "state": _state(project, model, installed),
-            "digest": installed.digest if installed else model.digest,
-            "folder": str(installed.folder) if installed else "",
-            "bytes": installed.size if installed else 0,
-            "memory_gb": model.memory_gb,
+            "digest": installed.digest if installed else model.digest or None,
+            "folder": str(installed.folder) if installed else None,
+            "bytes": installed.size if installed else None,
+            "memory_gb": model.memory_gb or None,
             "licence": model.licence,
-            "forbids": model.forbids,
-            "source": installed.source if installed else model.source,
-            "rows": model.rows,
+            "forbids": model.forbids or None,
+            "source": (installed.source if installed else model.source) or None,
+            "rows": model.rows or None,
             "backends": takers.get(name, []),
             "summary": model.summary,
         }
@@ -109,7 +111,7 @@ def _state(project: Project, model: Model, installed: Installed | None) -> str:
         return "incomplete"
     if not project.machine.models.licences.is_open(model):
         return "licence not accepted"
-    return installed.digest[:12]
+    return INSTALLED
 
 
 def _get(project: Project, args: argparse.Namespace) -> int:
@@ -144,8 +146,13 @@ def _install(project: Project, args: argparse.Namespace, wanted: dict[str, Path 
         if not project.machine.models.licences.is_open(model):
             print(f"{name}: its licence ({model.licence}) forbids {model.forbids}; ", end="", file=sys.stderr)
             print(f"`dxb models accept {name}` before the first build", file=sys.stderr)
-        rows.append({"model": name, "digest": installed.digest[:12], "folder": str(installed.folder)})
-    return table.give(rows, as_json=args.json)
+        rows.append({"model": name, "digest": installed.digest, "folder": str(installed.folder)})
+    return table.give(f"models.{args.what}", rows, as_json=args.json, cells=list(map(_short, rows)))
+
+
+def _short(row: dict[str, Any]) -> dict[str, Any]:
+    """A row whose digest has twelve digits."""
+    return row | {"digest": row["digest"][:12]}
 
 
 def _copied(path: Path, folder: Path) -> str:
@@ -165,9 +172,10 @@ def _verify(project: Project, args: argparse.Namespace) -> int:
         progress = _Progress()
         found = folders.damaged(installed, progress)
         progress.end()
-        rows.append({"model": installed.name, "digest": installed.digest[:12], "damaged": ", ".join(found) or "-"})
-    table.give(rows, as_json=args.json)
-    return 4 if any(row["damaged"] != "-" for row in rows) else 0
+        rows.append({"model": installed.name, "digest": installed.digest, "damaged": list(found)})
+    cells = [_short(row) | {"damaged": ", ".join(row["damaged"]) or "-"} for row in rows]
+    table.give("models.verify", rows, as_json=args.json, cells=cells)
+    return 4 if any(row["damaged"] for row in rows) else 0
 
 
 def _accept(project: Project, args: argparse.Namespace) -> int:
@@ -176,8 +184,8 @@ def _accept(project: Project, args: argparse.Namespace) -> int:
     for name in args.names:
         model = project.model(name)
         project.machine.models.licences.accept(model)
-        rows.append({"model": name, "licence": model.licence, "forbids": model.forbids or "-"})
-    return table.give(rows, as_json=args.json)
+        rows.append({"model": name, "licence": model.licence, "forbids": model.forbids or None})
+    return table.give("models.accept", rows, as_json=args.json)
 
 
 def _remove(project: Project, args: argparse.Namespace) -> int:
@@ -188,8 +196,8 @@ def _remove(project: Project, args: argparse.Namespace) -> int:
         project.model(name)
         for _, installed in list(known.versions(known.folders[0], name)):
             known.remove(installed)
-            rows.append({"model": name, "digest": installed.digest[:12], "bytes": str(installed.size)})
-    return table.give(rows, as_json=args.json)
+            rows.append({"model": name, "digest": installed.digest, "bytes": installed.size})
+    return table.give("models.rm", rows, as_json=args.json, cells=list(map(_short, rows)))
 
 
 class _Progress:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from collections.abc import Iterator
@@ -12,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dextera_build.cli import built, options
+from dextera_build.cli import built, options, table
 
 if TYPE_CHECKING:
     from dextera_build.artifacts.tasks.task import TaskBundle, View
@@ -93,7 +92,7 @@ def shown(checks: tuple[Check, ...]) -> list[dict[str, Any]]:
         print(f"{'ok  ' if each.ok else 'FAIL'} {each.what}: {each.found}", file=sys.stderr)
         if not each.ok and each.mend:
             print(f"     {each.mend}", file=sys.stderr)
-    return [{"check": each.what, "ok": each.ok, "found": each.found, "mend": each.mend} for each in checks]
+    return [{"check": each.what, "ok": each.ok, "found": each.found, "mend": each.mend or None} for each in checks]
 
 
 def refuse(args: argparse.Namespace, here: Connected, transport: Transport, cell: RosCell) -> None:
@@ -144,7 +143,8 @@ def judged(args: argparse.Namespace, bag: Bag, told: dict[str, Any], success: bo
 def tell(args: argparse.Namespace, told: dict[str, Any], out: Path) -> None:
     """Print what happened, and the recording."""
     told["recording"] = str(out)
-    print(json.dumps(told) if args.json else "\n".join(f"{name}\t{value}" for name, value in told.items()))
+    document = ".".join(filter(None, (args.verb, getattr(args, "what", ""))))
+    table.say(document, told, "\n".join(f"{name}\t{value}" for name, value in told.items()), as_json=args.json)
 
 
 def _verdict(args: argparse.Namespace) -> bool | None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 import signal
 import sys
 import time
 from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
+from dextera_build.cli import table
 from dextera_build.cli.robot import connected, record
 
 if TYPE_CHECKING:
@@ -79,7 +79,8 @@ def _doctor(args: argparse.Namespace) -> int:
         transport.close()
     rows = connected.shown(checks)
     failed = sum(not each.ok for each in checks)
-    print(json.dumps({"checks": rows, "failed": failed}) if args.json else f"{failed} of {len(checks)} checks failed")
+    text = f"{failed} of {len(checks)} checks failed"
+    table.say("robot.doctor", {"checks": rows, "failed": failed}, text, as_json=args.json)
     return 1 if failed else 0
 
 
@@ -101,8 +102,8 @@ def _simulate(args: argparse.Namespace) -> int:
         late = _ticking(robot, args.seconds)
     transport.close()
     told = facts(robot) | {"restarts_late": late}
-    lines = [f"{name}\t{value}" for name, value in told.items()]
-    print(json.dumps(told) if args.json else "\n".join(lines))
+    text = "\n".join(f"{name}\t{value}" for name, value in told.items())
+    table.say("robot.simulate", told, text, as_json=args.json)
     return 0
 
 

@@ -96,7 +96,8 @@ def _create(args: argparse.Namespace) -> int:
         made.attach(signature)
         print(f"signed with {key.id}", file=sys.stderr)
     made.write(Path(args.out))
-    return table.give([{"file": args.out, "digest": f"sha256:{made.digest}"}], as_json=args.json)
+    told = {"file": args.out, "digest": f"sha256:{made.digest}"}
+    return table.give("bundle.create", told, as_json=args.json)
 
 
 def _recipes(project: Project, files: Sequence[Path]) -> dict[str, str]:

@@ -65,16 +65,16 @@ def take(args: argparse.Namespace) -> int:
     _say(bundle, voucher, taken)
     outputs = {address: node.output for address, node in bundle.contents.nodes()}
     targets = {name: outputs[name] for name in bundle.contents.targets()}
-    told = {"digest": bundle.digest, "signature": voucher.state, "targets": targets, **vars(taken)}
+    told = {"digest": f"sha256:{bundle.digest}", "signature": voucher.state, "targets": targets, **vars(taken)}
     cells = [{"target": name, "output": output} for name, output in targets.items()]
-    return table.give(told, as_json=args.json, cells=cells)
+    return table.give("bundle.import", told, as_json=args.json, cells=cells)
 
 
 def keygen(args: argparse.Namespace) -> int:
     """Make a pair of keys; print the path of the public one and the key's id."""
     path = Path(args.file)
     key = sign.generate(path, args.name or f"{getpass.getuser()}@{platform.node()}")
-    return table.give([{"file": f"{path}.pub", "key": key.id}], as_json=args.json)
+    return table.give("bundle.keygen", {"file": f"{path}.pub", "key": key.id}, as_json=args.json)
 
 
 def _remember(project: Project, store: Store, build: Build, bundle: Opened) -> None:
@@ -146,17 +146,20 @@ def inspect(args: argparse.Namespace) -> int:
     """Print rows of name and value, the whole bundle as JSON, or one recipe."""
     bundle, voucher = _open(args, options.project(args))
     if args.recipe:
-        print(_recipe(bundle, args.recipe), end="")
+        text = _recipe(bundle, args.recipe)
+        if args.json:
+            return table.give("bundle.recipe", {"recipe": args.recipe, "yaml": text}, as_json=True)
+        print(text, end="")
         return 0
     everything = {
         "digest": f"sha256:{bundle.digest}",
         "bytes": bundle.size,
         "manifest": json.loads(bundle.manifest.spell()),
         "config": json.loads(bundle.contents.spell()),
-        "signature": {"state": voucher.state, "signer": voucher.signer},
+        "signature": {"state": voucher.state, "signer": voucher.signer or None},
     }
     cells = [{"name": name, "value": str(value)} for name, value in _rows(bundle, voucher)]
-    return table.give(everything, as_json=args.json, cells=cells)
+    return table.give("bundle.inspect", everything, as_json=args.json, cells=cells)
 
 
 def _rows(bundle: Opened, voucher: sign.Voucher) -> list[tuple[str, object]]:

@@ -61,9 +61,8 @@ def _size(args: argparse.Namespace) -> int:
     from dextera_build.session import reading
 
     counted = reading(options.project(args)).size()
-    rows = {kind: {"count": count, "bytes": total} for kind, (count, total) in counted.items()}
-    cells = [{"kind": kind} | {name: str(value) for name, value in row.items()} for kind, row in rows.items()]
-    return table.give(rows, as_json=args.json, cells=cells)
+    rows = [{"kind": kind, "count": count, "bytes": total} for kind, (count, total) in counted.items()]
+    return table.give("cache.size", rows, as_json=args.json)
 
 
 def _collect(args: argparse.Namespace) -> int:
@@ -82,7 +81,7 @@ def _collect(args: argparse.Namespace) -> int:
         for do, rows in (("drop", said.gone), ("keep", said.stays))
         for row in rows
     ]
-    table.give({**asdict(said), "dry": not args.yes}, as_json=args.json, cells=cells)
+    table.give("cache.gc", {**asdict(said), "dry": not args.yes}, as_json=args.json, cells=cells)
     if not args.json:
         _explain(said, limit, dry=not args.yes)
     return 0
@@ -118,7 +117,7 @@ def _verify(args: argparse.Namespace) -> int:
         {"kind": found.kind, "name": found.name, "detail": found.detail, "done": "repaired" if found.repaired else "-"}
         for found in verdict.findings
     ]
-    table.give({**asdict(verdict), "whole": verdict.is_whole}, as_json=args.json, cells=cells)
+    table.give("cache.verify", {**asdict(verdict), "whole": verdict.is_whole}, as_json=args.json, cells=cells)
     if not args.json:
         looked = "checked the sizes of" if args.fast else "read"
         blobs = f"{wording.count(verdict.blobs, 'blob')}, {wording.size(verdict.bytes)}"

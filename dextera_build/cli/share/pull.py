@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
         tell(built)
         lacking += [f"{session.recipe}:{place}" for place in built.result.errors]
         rows += [{"node": node, "file": shown(path)} for node, path in built.placed.paths.items()]
-    table.give(rows, as_json=args.json)
+    table.give("cache.pull", rows, as_json=args.json)
     if lacking:
         count = "1 node is" if len(lacking) == 1 else f"{len(lacking)} nodes are"
         raise StoreError(

@@ -54,7 +54,8 @@ def run(args: argparse.Namespace) -> int:
     assert exchange is not None
     bare = {address: key for address, key in bare.items() if not exchange.holds(key)}
     left = _finish_uploads(exchange)
-    table.give([{"node": address, "key": key} for address, key in sent.items() if key not in left], as_json=args.json)
+    rows = [{"node": address, "key": key} for address, key in sent.items() if key not in left]
+    table.give("cache.push", rows, as_json=args.json)
     if stale or bare:
         lacking = {"not built": listing(stale)} if stale else {}
         lacking |= {"without bytes here": listing(bare)} if bare else {}

@@ -8,7 +8,7 @@ import sys
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from dextera_build.cli import options
+from dextera_build.cli import options, table
 from dextera_build.cli.share import amounts
 from dextera_build.errors import MachineError, UsageError
 
@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
             hint="dxb cache serve --port 0",
         ) from None
     with server:
-        print(server.url, flush=True)
+        table.say("cache.serve", {"url": server.url}, server.url, as_json=args.json)
         with suppress(KeyboardInterrupt):
             server.serve_forever()
     return 0

@@ -262,7 +262,7 @@ def test_the_code_of_a_used_backend_enters_the_key(toy):
     words = ("say/word:b", "--backend", "toy.say=mine")
     assert toy.dxb("build", *words).code == 0
     toy.edit("rules/toy/say_stub.py", "+ options.end", "+ b'!' + options.end")
-    planned = json.loads(toy.dxb("plan", *words, "--json").out)
+    planned = toy.dxb("plan", *words, "--json").rows
     assert "stale" in json.dumps(planned)
 
 

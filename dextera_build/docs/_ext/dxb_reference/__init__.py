@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from . import artifacts, cli, errors, examples, gallery, made, rules, states, terms
+from . import artifacts, cli, documents, errors, examples, gallery, made, rules, states, terms
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
@@ -19,7 +19,9 @@ MAKERS: dict[str, Callable[[], str]] = {
     "actions": terms.actions_page,
     "artifacts": artifacts.page,
     "cli": cli.page,
+    "documents": documents.page,
     "errors": errors.page,
+    "events": documents.events_page,
     "gallery": gallery.page,
     "rules": rules.page,
     "states": states.page,

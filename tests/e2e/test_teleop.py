@@ -1,0 +1,29 @@
+"""`dxb teleop`: a session without an operator, which the user ends."""
+
+from __future__ import annotations
+
+import signal
+
+import pytest
+
+from tests import documents
+from tests.e2e.space import Space
+from tests.e2e.test_serve import FLAGS, TASK
+
+
+@pytest.mark.slow
+def test_a_session_that_is_ended_at_once_prints_two_documents(space: Space) -> None:
+    pytest.importorskip("websockets", reason="needs websockets (extra `teleop`)")
+    space.write("recipes/task/try.yaml", TASK)
+    built = space.build("task/try:task", *FLAGS)
+    assert built.code == 0, built.err[-3000:]
+    session = space.start("teleop", "task/try:task", "--no-open", "--port", "0", "--json")
+    assert session.stdout is not None
+    line = session.stdout.readline()
+    session.send_signal(signal.SIGINT)
+    out, err = session.communicate(timeout=120)
+    assert session.returncode == 0, err
+    assert documents.read(line)["url"].startswith("http://127.0.0.1:")
+    told = documents.read(out)
+    assert (told["schema"], told["takes"], told["replay"]) == ("dxb.teleop.ended/1", 0, None)
+    assert (told["camera_ms"], told["messages_dropped"]) == (None, 0)
