@@ -18,10 +18,12 @@ from dextera_build.rule import Context, Fraction, Options, rule
 from ..masks.marking import boxes
 from ..measured import Measurements, Workspace, of_workspace, robot_pixels
 from ..overlap import Box, box_of
+from ..regions.divide import divided
 from ..regions.heights import relief
 from ..regions.proposals import scenery
-from . import borders, matching, scene_file
+from . import borders, matching, points, scene_file
 from .nothing import causes
+from .scene_file import Point
 
 
 class ParseOptions(Options):
@@ -67,6 +69,7 @@ def parse(
         if proposals is None:
             found = matching.boxed(wanted)
         else:
+            proposals = points.settled(wanted, proposals, lambda region, own: divided(depth.needed(), region, own))
             at = _at(depth, proposals.regions) if depth.taken else None
             found = matching.match(wanted, proposals.elements, options.match_iou, at)
     elif proposals is None:
@@ -87,19 +90,12 @@ def parse(
     return result
 
 
-NEAR_PX = 4
-"""Largest distance of a point from its region [px]: masks lack smeared borders and have holes."""
-
-
 def _at(measured: Measurements[Workspace], regions: np.ndarray | None) -> matching.Find:
     """The box of the region above the support with most pixels around a point."""
 
-    def find(point: tuple[int, int]) -> Box | None:
-        column, row = point
-        seen = labels()
-        near = seen[max(0, row - NEAR_PX) : row + NEAR_PX + 1, max(0, column - NEAR_PX) : column + NEAR_PX + 1]
-        counts = np.bincount(near[near > 0])
-        return box_of(seen == int(counts.argmax())) if len(counts) else None
+    def find(point: Point) -> Box | None:
+        number = points.region_at(labels(), point)
+        return box_of(labels() == number) if number else None
 
     @cache
     def labels() -> np.ndarray:
