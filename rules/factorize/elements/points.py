@@ -98,9 +98,7 @@ def _joined(chosen: Sequence[int], regions: np.ndarray, elements: list[Element])
     """Join regions under the first number; the largest one's proposal stays."""
     masks = {number: regions == number for number in chosen}
     found = [
-        (int(mask.sum()), element)
-        for mask in masks.values()
-        if (element := _of_region(mask, elements)) is not None
+        (int(mask.sum()), element) for mask in masks.values() if (element := _of_region(mask, elements)) is not None
     ]
     joined = np.logical_or.reduce(list(masks.values()))
     regions[joined] = chosen[0]

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import importlib
 from typing import Any
 
 import numpy as np
 import pytest
 
 from dextera_build.artifacts.base import File
+from dextera_build.artifacts.objects.object import Element, Elements
+from dextera_build.code.loader import Library
 from dextera_build.errors import RuleError
 from dextera_build.geometry import pictures
 from dextera_build.testing import RuleRunner
 from tests import factories, tabletops
 
+Library().find("factorize.parse")
+points = importlib.import_module("rules.factorize.elements.points")
+scene_file = importlib.import_module("rules.factorize.elements.scene_file")
 RED, BLUE = (0.75, 0.1, 0.1), (0.15, 0.2, 0.7)
 
 
@@ -76,15 +82,26 @@ def test_the_points_of_one_element_join_its_regions(runner):
     assert table.score(objects, "both", 1, 2) > 0.95
 
 
-@pytest.mark.medium
-def test_an_element_joins_a_region_with_a_part_of_another(runner):
-    table = Table(runner, BLUE, RED, RED)
-    assert table.segment(table.parse()).names == ("red_box", "blue_box")
-    first, second, third = table.points()
-    objects = table.segment(
-        table.parse(f"elements:\n- {{name: two, at_px: [{first}, {second}]}}\n- {{name: one, at_px: {third}}}")
-    )
-    assert min(table.score(objects, "two", 1, 2), table.score(objects, "one", 3)) > 0.95
+def test_an_element_joins_a_region_with_a_part_of_another():
+    regions = np.zeros((20, 90), np.int32)
+    regions[5:15, 5:55], regions[5:15, 60:85] = 1, 2
+    found = (Element(name="large", category="box", box=(5, 5, 55, 15), phrase="box"),)
+    found += (Element(name="small", category="mug", box=(60, 5, 85, 15), phrase="mug"),)
+
+    def divide(region: np.ndarray, own: list[list[tuple[int, int]]]) -> np.ndarray:
+        columns = np.array([points[0][0] for points in own])[:, None, None]
+        return np.where(region, 1 + np.abs(np.arange(90) - columns).argmin(axis=0), 0)
+
+    wanted = scene_file.read(b"elements:\n- {name: b, at_px: [10, 9]}\n- {name: a, at_px: [[70, 9], [49, 9]]}")
+    proposed = Elements(elements=found, source="proposed", regions=regions)
+    made = points.settled(wanted, proposed, divide)
+    assert sorted((each.category, each.box) for each in made.elements) == [
+        ("box", (30, 5, 85, 15)),
+        ("box", (5, 5, 30, 15)),
+    ]
+    assert (made.regions[9, [10, 29, 30, 70]] == [2, 2, 1, 1]).all()  # numbered from the largest
+    bare = points.settled(wanted, proposed.model_copy(update={"regions": None}), divide)
+    assert [each.box for each in bare.elements] == [(5, 5, 85, 15)]
 
 
 @pytest.mark.medium
