@@ -1,4 +1,4 @@
-"""Points of `scene.yaml` in the regions of proposals: an element joins its regions; elements in one region divide it."""
+"""Points of `scene.yaml` in the regions of proposals: one element joins regions, several divide one."""
 
 from __future__ import annotations
 
