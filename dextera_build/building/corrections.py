@@ -182,7 +182,12 @@ def words(session: Session, added: Added) -> list[str]:
     told = (("--input", inputs), ("--set", added.settings), ("--backend", backends))
     project = session.project
     profile = ["--profile", project.profile] if project.config["profile"].origin == "command line" else []
-    return ["build", session.recipe, *(word for flag, texts in told for text in texts for word in (flag, text)), *profile]
+    return [
+        "build",
+        session.recipe,
+        *(word for flag, texts in told for text in texts for word in (flag, text)),
+        *profile,
+    ]
 
 
 def rebuild(session: Session, listen: Listener) -> None:

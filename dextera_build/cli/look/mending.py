@@ -11,16 +11,15 @@ import numpy as np
 
 from dextera_build.artifacts.cameras.camera import Photograph
 from dextera_build.artifacts.objects.view import Segmentation
-from dextera_build.errors import DxbError, UsageError
+from dextera_build.errors import UsageError
 from dextera_build.geometry import pictures
 from dextera_build.session import Session
 
 Point = tuple[int, int]
-Say = Callable[[str], None]
 
 
 class Mending:
-    """Names and corrects the objects that are shown; every answer is one message.
+    """Names and corrects the objects that are shown; see `view.chosen.Mending`.
 
     Args:
         session: The recipe as it is shown.
@@ -48,19 +47,16 @@ class Mending:
     def bind(self, label: str, name: str) -> str:
         """Bind a name to an object by its innermost pixel, as `dxb bind` does."""
         from dextera_build.building.bind import Naming
+        from dextera_build.building.values import raise_errors
         from dextera_build.recipe.bindings import Binding
 
         recipe = self._session.recipe
         if label not in self.names:
-            return f"`{label}` is no object of the photograph"
+            raise UsageError(f"`{label}` is no object of the photograph", code="DXB-U216")
         at = pictures.innermost(self.mask(label))
-        try:
-            naming = Naming(self._session.project, recipe)
-            if not naming.prepare(lambda _: None).ok:
-                return f"the objects cannot be built; see `dxb build {recipe}`"
-            naming.bind(name, Binding((int(at[0]), int(at[1]))), on=self._photograph)
-        except DxbError as error:
-            return error.message
+        naming = Naming(self._session.project, recipe)
+        raise_errors(naming.prepare(lambda _: None))
+        naming.bind(name, Binding((int(at[0]), int(at[1]))), on=self._photograph)
         return f"`{name}` is bound in dxb.lock; `dxb build {recipe}` renames it"
 
     def merge(self, label: str, other: str) -> str:
@@ -71,8 +67,8 @@ class Mending:
         """Make an object two in the `scene.yaml`, with a pixel of each part."""
         return self._correct(lambda corrections: corrections.split(label, points))
 
-    def rebuild(self, say: Say) -> str:
-        """Build with the corrections and show the new scene; an answer is the reason why that failed."""
+    def rebuild(self, say: Callable[[str], None]) -> str:
+        """Build with the corrections, and show the new scene in place of the one that is there."""
         from dextera_build.building.corrections import rebuild
         from dextera_build.runs.events import NodeFinished, NodeStarted
 
@@ -84,12 +80,9 @@ class Mending:
             if isinstance(event, NodeStarted):
                 say(f"{done} nodes are up to date; `{event.node}` runs")
 
-        try:
-            session = self._asked()
-            rebuild(session, hear)
-            self._show(Session(session.project, session.recipe, session.added))
-        except DxbError as error:
-            return _told(error)
+        session = self._asked()
+        rebuild(session, hear)
+        self._show(Session(session.project, session.recipe, session.added))
         return ""
 
     def _asked(self) -> Session:
@@ -100,11 +93,8 @@ class Mending:
     def _correct(self, correct: Callable[[Any], Any]) -> str:
         from dextera_build.building.corrections import Corrections, words
 
-        try:
-            session = self._asked()
-            made = correct(Corrections(session, self._photograph))
-        except DxbError as error:
-            return _told(error)
+        session = self._asked()
+        made = correct(Corrections(session, self._photograph))
         self._request = Session(session.project, session.recipe, made.added, makes=True)
         lines = "\n".join(f"* {line}" for line in made.lines)
         command = shlex.join(["dxb", *words(self._request, made.added)])
@@ -122,13 +112,13 @@ def request_of(session: Session) -> Session:
     """
     from dextera_build.cli import options
     from dextera_build.runs import log
-    from dextera_build.session import variant_of
 
-    run = session.last_run()
-    own = variant_of("", session.added)
-    if session.added or not session.variant or run is None or session.variant == own:
-        return Session(session.project, session.recipe, session.added, makes=True)
-    said = next((event.get("argv", []) for event in log.read(session.store, run) if event["event"] == "run_started"), [])
+    asked, run = Session(session.project, session.recipe, session.added, makes=True), session.last_run()
+    if session.variant == asked.variant or run is None:
+        return asked
+    said = next(
+        (event.get("argv", []) for event in log.read(session.store, run) if event["event"] == "run_started"), []
+    )
     parser = argparse.ArgumentParser(add_help=False, exit_on_error=False)
     options.project_arguments(parser)
     options.request_arguments(parser)
@@ -142,11 +132,3 @@ def request_of(session: Session) -> Session:
             hint=f"open it with its inputs: `dxb view {session.recipe} --input NAME=PATH`",
         )
     return found
-
-
-def _told(error: DxbError) -> str:
-    """An error as a paragraph of the panel."""
-    facts = "".join(f"\n* {name}: {value}" for name, value in error.facts.items())
-    where = f" ({error.where})" if error.where else ""
-    hint = f"\n\n{error.hint}" if error.hint else ""
-    return f"**{error.code}** {error.message}{where}\n{facts}{hint}"
