@@ -1,6 +1,7 @@
 """Division of a region between points: each pixel goes to the point that is nearest along the surface.
 
-Steps in depth, concave creases and borders of colours are long ways, convex creases are shorter ones.
+Steps in depth, concave creases and borders of colours make the way longer; convex creases do not, because most objects
+have some.
 """
 
 from __future__ import annotations
@@ -19,10 +20,10 @@ WALL = 60.0
 """Length of the way through one pixel of a full crease, step or border of colours, over that of a smooth one."""
 FAINT = 0.35
 """Weaker creases, steps and borders of colours are noise."""
-CONVEX = 0.3
-"""Strength of a convex crease over that of a concave one of the same angle: one object has convex ones."""
 COLOUR = 30.0
-"""Difference of colours that is a full border, in CIE L*a*b* with half the lightness, which shade changes, too."""
+"""Difference of colours that is a full border, in CIE L*a*b* with `LIGHTNESS` of the L*."""
+LIGHTNESS = 0.3
+"""Weight of L*, which differs between the faces of one object, too."""
 
 
 def divided(seen: Workspace, region: np.ndarray, points: Sequence[Sequence[tuple[int, int]]]) -> np.ndarray:
@@ -80,13 +81,17 @@ def _nearest(s: Surfaces, at: np.ndarray, parts: np.ndarray) -> np.ndarray:
 
 def _walls(s: Surfaces) -> np.ndarray:
     """Strength (h, w) of the creases, steps and borders of colours at each block, 0 to 1."""
+    from scipy import ndimage
+
     strength = np.zeros(s.inverse.shape)
-    lab = s.lab * np.array([0.5, 1.0, 1.0])
+    lab = s.lab * np.array([LIGHTNESS, 1.0, 1.0])
     for rows, columns, r0, c0, down, right in patches.spans(s):
         angle, step = patches.fold(s, r0, c0, 2 * patches.SPAN * down, 2 * patches.SPAN * right)
-        crease = np.where(angle < 0, -angle, CONVEX * angle) / patches.CREASE_RAD
+        crease = -angle / patches.CREASE_RAD
         r1, c1 = 2 * rows - r0, 2 * columns - c0
         border = np.linalg.norm(lab[r1, c1] - lab[r0, c0], axis=-1) / COLOUR
         value = np.maximum(np.maximum(crease, border), step / patches.step_limit(s, rows, columns))
         strength[rows, columns] = np.maximum(strength[rows, columns], value)
-    return np.where(strength < FAINT, 0.0, np.minimum(strength, 1.0))
+    # A wall is some pixels thick; single strong ones are noise.
+    strength = ndimage.median_filter(np.minimum(strength, 1.0), 3)
+    return np.where(strength < FAINT, 0.0, strength)
