@@ -104,6 +104,10 @@ class Corrections:
                     code="DXB-U223",
                     hint="click a pixel of each part, away from its border",
                 )
+        if len(set(points)) < len(points):
+            raise UsageError(
+                f"both points on `{name}` are the same", code="DXB-U223", hint="click a pixel of each part"
+            )
         kept, known = elements[name], scene_edit.names(text)
         fresh = next(each for n in range(2, len(known) + 3) if (each := f"{kept}_{n}") not in known)
         first, second = (
@@ -166,12 +170,21 @@ class Corrections:
     def _write(self, text: str, changed: Sequence[str], *more: str) -> Corrected:
         """Write the file, and find the objects with it."""
         added = self._added()
+        places = [text.splitlines()[scene_edit.line_of(text, each, "at_px") - 1].strip() for each in changed]
         with _restored(Path(self._file)):
             files.write(os.path.abspath(self._file), text.encode(), 0o644)
             found = self._find(Session(self._session.project, self._session.recipe, added, makes=True))
-        rows = text.splitlines()
-        numbers = {name: scene_edit.line_of(text, name, "at_px") for name in changed}
-        lines = [f"line {number}, `{name}`: `{rows[number - 1].strip()}`" for name, number in numbers.items()]
+            if lost := [each for each in changed if each not in found.parsed]:
+                raise UsageError(
+                    f"nothing is found of {listing(lost)} with the correction",
+                    code="DXB-U226",
+                    facts={"objects": listing(found.objects.names, most=30), **dict(zip(changed, places, strict=True))},
+                    hint=f"`dxb new mask {self._session.recipe} OBJECT` writes a mask to paint, if the object is there",
+                )
+        lines = [
+            f"line {scene_edit.line_of(text, each, 'at_px')}, `{each}`: `{place}`"
+            for each, place in zip(changed, places, strict=True)
+        ]
         return Corrected(self._file, (*lines, *more), found.objects.names, added)
 
 

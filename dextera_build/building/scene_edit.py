@@ -59,7 +59,7 @@ def added(text: str, after: str, fields: Fields) -> str:
 
 def line_of(text: str, name: str, key: str) -> int:
     """The line of a field, from 1."""
-    return next(at.start_mark.line + 1 for at, _ in _entry(text, name)[1].value if at.value == key)
+    return next(int(at.start_mark.line) + 1 for at, _ in _entry(text, name)[1].value if at.value == key)
 
 
 def names(text: str) -> Sequence[str]:
@@ -113,7 +113,7 @@ def _end(text: str, node: Any) -> int:
 
 def _entry(text: str, name: str) -> tuple[Any, Any]:
     """The nodes of the list, and of the element."""
-    root = yaml.compose(text, Loader=yaml.SafeLoader)
+    root: Any = yaml.compose(text, Loader=yaml.SafeLoader)
     sequence = next(value for key, value in root.value if key.value == "elements")
     for entry in sequence.value:
         if any(key.value == "name" and value.value == name for key, value in entry.value):

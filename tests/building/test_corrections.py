@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.cameras.camera import Photograph
+from dextera_build.artifacts.cameras.image import png
 from dextera_build.building.corrections import Corrected, Corrections, words
 from dextera_build.building.photographed import Photographed
 from dextera_build.errors import RuleError, UsageError
@@ -20,17 +21,17 @@ from tests import factories, tabletops
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("twin_workers")]
 
-RED, BLUE = (0.8, 0.2, 0.2), (0.2, 0.2, 0.8)
+RED, GREEN, BLUE = (0.8, 0.2, 0.2), (0.1, 0.5, 0.2), (0.2, 0.2, 0.8)
 BOX = (0.08, 0.08, 0.10)
 
 
 class Desk:
-    """A project in the current folder with a photograph of two red boxes side by side, and a blue one."""
+    """A project in the current folder with a photograph of two boxes side by side, and a blue one."""
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root: Path, colour: tuple[float, float, float] = RED) -> None:
         self.scene = tabletops.tabletop(
             (tabletops.box(*BOX, RED), factories.pose(-0.12)),
-            (tabletops.box(*BOX, RED), factories.pose(-0.04)),
+            (tabletops.box(*BOX, colour), factories.pose(-0.04)),
             (tabletops.box(*BOX, BLUE), factories.pose(0.12)),
         )
         tabletops.write(self.scene.capture, root / "shot")
@@ -92,8 +93,13 @@ def test_what_cannot_be_corrected_is_refused_and_no_file_changes(desk):
     another = tabletops.tabletop().capture.photograph
     with pytest.raises(UsageError, match="has another photograph than the view"):
         desk.corrections(photograph=another).merge("red_box", "blue_box")
-    with pytest.raises(RuleError, match="its part of the region is empty"):
+    with pytest.raises(UsageError, match="both points on `red_box` are the same"):
         desk.corrections().split("red_box", (first, first))
+    painted = np.where(desk.scene.labels.labels == 3, np.uint8(255), np.uint8(0))
+    Path("masks").mkdir()
+    Path("masks/blue_box.png").write_bytes(png(painted))
+    with pytest.raises(RuleError, match=r"`blue_box\.png` is the mask of no object"):
+        desk.corrections(Added({"capture": "shot", "masks": "masks"})).merge("red_box", "blue_box")
     assert not Path("scene.yaml").exists()
     Path("scene.yaml").write_text("elements: [{name: mine}]\n")
     with pytest.raises(UsageError, match=r"`scene\.yaml` exists already"):
@@ -101,7 +107,9 @@ def test_what_cannot_be_corrected_is_refused_and_no_file_changes(desk):
     assert Path("scene.yaml").read_text() == "elements: [{name: mine}]\n"
 
 
-def test_without_depth_the_boxes_are_corrected(desk):
+def test_without_depth_the_boxes_are_corrected(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    desk = Desk(tmp_path, GREEN)
     red = np.isin(desk.scene.labels.labels, (1, 2))
     blue = desk.scene.labels.labels == 3
     rows = [f"- {{name: {name}, box: {box(mask)}}}" for name, mask in (("red", red), ("blue", blue))]

@@ -50,6 +50,12 @@ class Asked:
         return self._asked("rebuild")
 
 
+def press(viewer: Recorder, title: str) -> None:
+    """Click a button of the panel."""
+    client = SimpleNamespace(camera=SimpleNamespace(aspect=1.0), atomic=viewer.atomic)
+    viewer.controls[title].clicked(SimpleNamespace(client=client))
+
+
 class Shown:
     """A twin in a viewer that is not there."""
 
@@ -75,8 +81,7 @@ class Shown:
         self.viewer.nodes[f"/{label}/{link}/visual"].clicked(None)
 
     def press(self, title: str) -> None:
-        client = SimpleNamespace(camera=SimpleNamespace(aspect=1.0), atomic=self.viewer.atomic)
-        self.viewer.controls[title].clicked(SimpleNamespace(client=client))
+        press(self.viewer, title)
 
     def visible(self) -> set[str]:
         titles = ("Name", "Bind", "Merge with", "Merge", "Split", "Rebuild")

@@ -116,9 +116,8 @@ def request_of(session: Session) -> Session:
     asked, run = Session(session.project, session.recipe, session.added, makes=True), session.last_run()
     if session.variant == asked.variant or run is None:
         return asked
-    said = next(
-        (event.get("argv", []) for event in log.read(session.store, run) if event["event"] == "run_started"), []
-    )
+    began = (event for event in log.read(session.store, run) if event["event"] == "run_started")
+    said: list[Any] = next(began, {}).get("argv", [])
     parser = argparse.ArgumentParser(add_help=False, exit_on_error=False)
     options.project_arguments(parser)
     options.request_arguments(parser)

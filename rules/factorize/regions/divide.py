@@ -7,6 +7,7 @@ have some.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -68,10 +69,11 @@ def _nearest(s: Surfaces, at: np.ndarray, parts: np.ndarray) -> np.ndarray:
         ends.append(number[r, c])
         lengths.append(np.hypot(down, right) * (cost[r0, c0] + cost[r, c]) / 2.0)
     where = (np.concatenate(starts), np.concatenate(ends))
-    graph = coo_array((np.concatenate(lengths), where), shape=(len(rows), len(rows))).tocsr()
+    graph: Any = coo_array((np.concatenate(lengths), where), shape=(len(rows), len(rows))).tocsr()
     seeds = np.square(columns - at[:, :1]) + np.square(rows - at[:, 1:])
     chosen = seeds.argmin(axis=1)
-    _, _, sources = dijkstra(graph, directed=False, indices=chosen, return_predecessors=True, min_only=True)
+    found: Any = dijkstra(graph, directed=False, indices=chosen, return_predecessors=True, min_only=True)
+    sources = found[2]
     owner = np.zeros(len(rows), np.int32)
     owner[chosen[::-1]] = parts[::-1]
     labels = np.zeros(s.raised.shape, np.int32)
