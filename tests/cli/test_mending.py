@@ -34,7 +34,7 @@ def space(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Space:
     space = Space(tmp_path)
     space.write("dxb.toml", 'cache = "cache"\n')
     write_capture(tmp_path / "shot")
-    answer = space.build("twin/tabletop", *CAPTURE, "--profile", "stub")
+    answer = space.run("build", "twin/tabletop", *CAPTURE, "--profile", "stub")  # the words of a process are logged
     assert answer.code == 0, answer.err
     return space
 

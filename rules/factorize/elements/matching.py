@@ -60,10 +60,8 @@ def match(
 def _unmatched(
     item: Wanted, proposals: Sequence[Element], free: Sequence[Element], fitting: Sequence[Element]
 ) -> RuleError:
-    sought = next(
-        (f"{key} {list(item.fields[key])}" for key in ("at_px", "box") if key in item.fields),
-        item.fields.get("phrase") or item.name,
-    )
+    told = {"at_px": [list(point) for point in item.points], "box": list(item.fields.get("box", ()))}
+    sought = next((f"{key} {_bare(at)}" for key, at in told.items() if at), item.fields.get("phrase") or item.name)
     taken = [p.name for p in proposals if p not in free]
     found = "nothing that stands out from the support"
     if fitting:
@@ -80,6 +78,11 @@ def _unmatched(
         hint="give it `at_px: [column, row]`, a pixel of the right one; the numbers above are boxes [left, top, right, "
         "bottom] of the proposals; the preview of `parse` in the report shows them",
     )
+
+
+def _bare(at: list[Any]) -> list[Any]:
+    """One point without the list around it."""
+    return at[0] if len(at) == 1 else at  # type: ignore[no-any-return]
 
 
 def boxed(wanted: Sequence[Wanted]) -> tuple[Element, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any, NoReturn, Protocol
 
 import numpy as np
@@ -12,18 +11,14 @@ from dextera_build.artifacts.cameras.camera import Measured, Photograph
 from dextera_build.artifacts.cameras.image import LabelImage
 from dextera_build.artifacts.objects.object import Element, Elements, Support
 from dextera_build.errors import listing
-from dextera_build.geometry import upright
 from dextera_build.rule import Context, Fraction, Options, rule
 
 from ..masks.marking import boxes
 from ..measured import Measurements, Workspace, of_workspace, robot_pixels
-from ..overlap import Box, box_of
 from ..regions.divide import divided
 from ..regions.heights import relief
-from ..regions.proposals import scenery
 from . import borders, matching, points, scene_file
 from .nothing import causes
-from .scene_file import Point
 
 
 class ParseOptions(Options):
@@ -70,8 +65,7 @@ def parse(
             found = matching.boxed(wanted)
         else:
             proposals = points.settled(wanted, proposals, lambda region, own: divided(depth.needed(), region, own))
-            at = _at(depth, proposals.regions) if depth.taken else None
-            found = matching.match(wanted, proposals.elements, options.match_iou, at)
+            found = matching.match(wanted, proposals.elements, options.match_iou, points.finder(proposals.regions))
     elif proposals is None:
         ctx.fail("this backend proposes no elements, and no `scene.yaml` lists them", hint="give the input `scene`")
     else:
@@ -88,23 +82,6 @@ def parse(
     ctx.say(f"{', '.join(interactive)}" + (f"; {static} static" if static else ""))
     ctx.preview(boxes(photograph.rgb.pixels, found), "elements")
     return result
-
-
-def _at(measured: Measurements[Workspace], regions: np.ndarray | None) -> matching.Find:
-    """The box of the region above the support with most pixels around a point."""
-
-    def find(point: Point) -> Box | None:
-        number = points.region_at(labels(), point)
-        return box_of(labels() == number) if number else None
-
-    @cache
-    def labels() -> np.ndarray:
-        if regions is not None:
-            return regions
-        workspace = measured.needed()
-        return upright.turned(scenery(workspace.upright()).labels, -workspace.turns)
-
-    return find
 
 
 def _nothing(ctx: Context, measured: Measurements[Workspace], found: tuple[Element, ...]) -> NoReturn:

@@ -27,6 +27,18 @@ def region_at(regions: np.ndarray, point: Point) -> int:
     return int(counts.argmax()) if len(counts) else 0
 
 
+def finder(regions: np.ndarray | None) -> Callable[[Point], Box | None] | None:
+    """Finds the box of the region at a point; None without regions."""
+    if regions is None:
+        return None
+
+    def find(point: Point) -> Box | None:
+        number = region_at(regions, point)
+        return box_of(regions == number) if number else None
+
+    return find
+
+
 def box_at(proposals: Sequence[Element], point: Point) -> Element | None:
     """The proposal with the smallest box around a point."""
     column, row = point
