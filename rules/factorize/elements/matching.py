@@ -82,7 +82,7 @@ def _unmatched(
 
 def _bare(at: list[Any]) -> list[Any]:
     """One point without the list around it."""
-    return at[0] if len(at) == 1 else at  # type: ignore[no-any-return]
+    return at[0] if len(at) == 1 else at
 
 
 def boxed(wanted: Sequence[Wanted]) -> tuple[Element, ...]:

@@ -58,10 +58,11 @@ def _nearest(s: Surfaces, at: np.ndarray, parts: np.ndarray) -> np.ndarray:
     number = np.full(s.raised.shape, -1)
     number[rows, columns] = np.arange(len(rows))
     cost = 1.0 + WALL * _walls(s)
+    height, width = s.raised.shape
     starts, ends, lengths = [], [], []
     for down, right in patches.NEIGHBOURS:
         r, c = rows + down, columns + right
-        inside = (r < number.shape[0]) & (c >= 0) & (c < number.shape[1])
+        inside = (r < height) & (c >= 0) & (c < width)
         r0, c0, r, c = (x[inside] for x in (rows, columns, r, c))
         both = number[r, c] >= 0
         r0, c0, r, c = (x[both] for x in (r0, c0, r, c))
