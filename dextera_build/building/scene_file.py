@@ -40,7 +40,7 @@ def text(found: Found, recipe: str, command: str, built: Mapping[str, Sequence[s
 def _entry(
     element: Element, name: str | None, objects: Segmentation, by_box: bool, built: Mapping[str, Sequence[str]]
 ) -> Iterator[str]:
-    yield f"  - name: {_name(name or element.name)}"
+    yield f"  - name: {name_of(name or element.name)}"
     yield f"    phrase: {_scalar(objects.items[name].view.phrase if name else element.phrase)}"
     yield f"    category: {element.category}"
     if not element.interactive:
@@ -74,7 +74,7 @@ def _material(element: Element) -> str:
     return f"    # material: {element.material}    # assumed{sure}{meaning}"
 
 
-def _name(proposed: str) -> str:
+def name_of(proposed: str) -> str:
     """The name in the form that `scene.yaml` takes."""
     return "_".join(re.findall("[a-z0-9]+", proposed.lower())) or "thing"
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
+from weakref import WeakKeyDictionary, ref
 
 import numpy as np
 
@@ -15,6 +18,12 @@ DEPTH_M = 0.05
 MARGIN = 1.05
 """Field of view of "look from the camera" over that of the photograph."""
 WAYS = ("Wipe", "Blend")
+DOT_PX = 3
+"""Half the width of the mark of a pixel that was asked for [px]."""
+MARKS = ((255, 120, 0), (0, 120, 255))
+"""Colours of the marks, one after the other."""
+_SHOWN: WeakKeyDictionary[Any, ref[Comparison]] = WeakKeyDictionary()
+"""Viewer -> its photograph now; viser keeps for good what it calls when a client connects."""
 
 
 class Comparison:
@@ -62,7 +71,9 @@ class Comparison:
         start.up = tuple((-self._pose[:3, 1]).tolist())
         start.look_at = tuple((self._pose[:3, 3] + self._pose[:3, 2]).tolist())
         start.fov = float(MARGIN * 2 * np.arctan2(self._camera.height / 2, self._camera.fy))
-        self._server.on_client_connect(self.look)
+        if self._server not in _SHOWN:
+            self._server.on_client_connect(partial(_look, ref(self._server)))
+        _SHOWN[self._server] = ref(self)
 
     def update(self) -> None:
         """Apply the values of the controls."""
@@ -75,6 +86,44 @@ class Comparison:
             self._hang(np.concatenate([self._pixels, opaque], axis=2))
         else:
             self._hang(self._pixels[:, : max(1, round(share * self._camera.width))])
+
+    def ask(self, client: Any, mask: np.ndarray, count: int, answer: Callable[[list[tuple[int, int]]], None]) -> None:
+        """Show the whole photograph to a client, an object in it, and take the pixels that are clicked.
+
+        Args:
+            client: Is moved to the photograph's camera.
+            mask: (H, W) bool, the object; everything else is dark.
+            count: Number of pixels to take.
+            answer: Takes columns and rows of the pixels [px]; the photograph is then as before.
+        """
+        shown = np.where(mask[..., None], self._pixels, self._pixels // 3)
+        found: list[tuple[int, int]] = []
+
+        def clicked(event: Any) -> None:
+            column, row = self.pixel(event.ray_origin, event.ray_direction)
+            colour = MARKS[len(found) % len(MARKS)]
+            shown[max(0, row - DOT_PX) : row + DOT_PX + 1, max(0, column - DOT_PX) : column + DOT_PX + 1] = colour
+            found.append((column, row))
+            self._hang(shown)
+            if len(found) == count:
+                self.picture.remove_click_callback("all")
+                self.update()
+                answer(found)
+
+        self.picture.remove_click_callback("all")
+        self._hang(shown)
+        self.picture.visible = True
+        self.picture.on_click(clicked)
+        if client is not None:
+            self.look(client)
+
+    def pixel(self, origin: Any, direction: Any) -> tuple[int, int]:
+        """Column and row of the pixel that a ray meets, from its origin and direction in the world."""
+        start = transforms.apply(transforms.invert(self._pose), np.array([origin]))[0]
+        along = self._pose[:3, :3].T @ np.asarray(direction, np.float64)
+        met = start + (DEPTH_M - start[2]) / along[2] * along
+        column, row = self._camera.project(met[None])[0].round().astype(int)
+        return int(np.clip(column, 0, self._camera.width - 1)), int(np.clip(row, 0, self._camera.height - 1))
 
     def look(self, client: Any) -> None:
         """Move a client's camera to the photograph's, with a field of view that holds all of it."""
@@ -106,3 +155,10 @@ class Comparison:
         x = ((columns - 1) / 2 - camera.cx) / camera.fx
         y = ((camera.height - 1) / 2 - camera.cy) / camera.fy
         return np.asarray(transforms.apply(self._pose, DEPTH_M * np.array([[x, y, 1.0]]))[0])
+
+
+def _look(server: ref[Any], client: Any) -> None:
+    """Move a new client's camera to the photograph that its viewer shows."""
+    now = _SHOWN.get(server())
+    if (comparison := now() if now is not None else None) is not None:
+        comparison.look(client)

@@ -14,7 +14,8 @@ from dextera_build.artifacts.objects.object import Asset, Joint, Support
 from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import kinematics, quaternions, transforms
-from dextera_build.view import invented
+from dextera_build.view import chosen, invented
+from dextera_build.view.chosen import Mending
 from dextera_build.view.figure import ABOVE_M, Fact, add_label, look_from
 from dextera_build.view.panel import note_slider
 from dextera_build.view.photo import Comparison
@@ -37,7 +38,7 @@ def show_scene(
     photo: Image | None = None,
     addresses: Mapping[str, str] | None = None,
     held: Mapping[str, str] | None = None,
-    bind: Callable[[str, str], str] | None = None,
+    mending: Mending | None = None,
 ) -> None:
     """Add a twin to a viser server.
 
@@ -50,7 +51,7 @@ def show_scene(
         photo: The photograph, shown in the camera's frustum.
         addresses: Label -> node address, which then names the scene node; the label itself if left out.
         held: Label of an object that is fixed in the simulated scene -> why; None: all move freely.
-        bind: Gives the object of a label a name, and returns a message about it; None: names cannot be given.
+        mending: Names and corrects objects; None: the panel only tells their facts.
     """
     axes = add_frame(server, "/world", np.eye(4), axes=0.1)
     grid = server.scene.add_grid("/grid", width=2, height=2, cell_size=0.1, section_size=0.5, position=(0, 0, -0.002))
@@ -59,16 +60,17 @@ def show_scene(
     lens = [add_camera(server, "/camera", camera, support.camera_pose.matrix)]
     pieces: list[Any] = []
     facts = {label: _fact(asset, (held or {}).get(label, "")) for label, asset in assets.items()}
-    choose = _chosen(server, facts, bind)
+    choose = chosen.Chosen(server, facts, mending)
     nodes: Nodes = {}
     for label in sorted(assets):
         name = f"/{(addresses or {}).get(label, label)}"
-        frames = _object(server, name, assets[label], pieces, partial(_tell, choose, label))
+        frames = _object(server, name, assets[label], pieces, partial(_tell, choose.choose, label))
         nodes |= {f"{name}/{link}": placed for link, placed in _placed(assets[label]).items()}
         _sliders(server, label, assets[label], frames)
     if photo is not None:
         comparison = Comparison(server, "/photograph", camera, support.camera_pose.matrix, photo.pixels)
         comparison.aside += [*lens, outline]
+        choose.comparison = comparison
     labels = [_label(server, f"/labels/{label}", facts[label].short(label), asset) for label, asset in assets.items()]
     with server.gui.add_folder("Show"):
         for title, handles in (("Labels", labels), ("Background", [static])):
@@ -203,23 +205,3 @@ def _fact(asset: Asset, held: str) -> Fact:
     links, physics = list(asset.physics.links.values()), asset.physics
     low, high = sum(each.mass_low_kg for each in links), sum(each.mass_high_kg for each in links)
     return Fact(sum(each.mass_kg for each in links), (low, high), physics.material, physics.friction, held, asset.cut)
-
-
-def _chosen(server: Any, facts: Mapping[str, Fact], bind: Callable[[str, str], str] | None) -> Callable[[str], None]:
-    """The part of the panel about the object that was clicked last; its function takes the label."""
-    chosen = [""]
-    words = server.gui.add_markdown("Click an object for its mass, material and friction.")
-    name = button = None
-    if bind is not None:
-        name = server.gui.add_text("Name", "", visible=False)
-        button = server.gui.add_button("Bind", visible=False, hint="Keep this name in dxb.lock, independent of parsing")
-
-    def choose(label: str) -> None:
-        chosen[0] = label
-        words.content = facts[label].long(label)
-        if name is not None and button is not None:
-            name.value, name.visible, button.visible = label, True, True
-
-    if bind is not None and name is not None and button is not None:
-        button.on_click(lambda _: setattr(words, "content", bind(chosen[0], name.value)))
-    return choose

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from dextera_build.errors import MachineError, UsageError, install_extra
+from dextera_build.view import panel
 from dextera_build.view.guard import Guard
 
 
@@ -61,6 +62,13 @@ def _check_address(host: str) -> None:
             facts={"system": error.strerror or str(error)},
             hint="`--host 127.0.0.1` serves this machine, `--host 0.0.0.0` every network that it is in",
         ) from None
+
+
+def clear(server: Any) -> None:
+    """Remove the scene and the panel, for others to take their place."""
+    server.scene.reset()
+    server.gui.reset()
+    panel.noted(server).clear()
 
 
 def stop(server: Any) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -26,6 +26,12 @@ def box_of(mask: np.ndarray) -> Box:
     """Left, top, right, bottom of the pixels of a mask (H, W) bool, right and bottom excluded."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+
+
+def around(boxes: Sequence[Box]) -> Box:
+    """The smallest box around several boxes."""
+    left, top, right, bottom = zip(*boxes, strict=True)
+    return min(left), min(top), max(right), max(bottom)
 
 
 def crop(mask: np.ndarray, margin: int) -> tuple[slice, slice]:

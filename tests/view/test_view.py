@@ -42,6 +42,7 @@ class Recorder:
         def add(name: str, *values: Any, **options: Any) -> Any:
             handle = SimpleNamespace(kind=method, name=name, values=values, **{"visible": True, **options})
             handle.on_click = lambda call: setattr(handle, "clicked", call)
+            handle.remove_click_callback = lambda which: setattr(handle, "clicked", None)
             if method in ("add_slider", "add_checkbox", "add_dropdown", "add_button", "add_text"):
                 handle.value = options.get("initial_value")
                 handle.on_update = lambda call: setattr(handle, "moved", call)
@@ -191,24 +192,6 @@ def test_a_held_object_is_marked_and_tells_why() -> None:
     recorder.nodes["/box/base/visual"].clicked(None)
     words = recorder.nodes["Click an object for its mass, material and friction."]
     assert f"* held: {why}" in words.content
-
-
-def test_a_clicked_object_tells_its_facts_and_takes_a_name() -> None:
-    recorder, asked = Recorder(), []
-    table, lens = factories.support(), factories.camera()
-
-    def bind(label: str, name: str) -> str:
-        asked.append((label, name))
-        return "done"
-
-    scene.show_scene(recorder, {"box": factories.box_asset()}, factories.background(), table, lens, bind=bind)
-    recorder.nodes["/box/base/visual"].clicked(None)
-    words, name = recorder.nodes["Click an object for its mass, material and friction."], recorder.controls["Name"]
-    assert words.content.startswith("**box**\n\n* mass: ")
-    assert (name.value, name.visible) == ("box", True)
-    name.value = "tin"
-    recorder.controls["Bind"].clicked(None)
-    assert (asked, words.content) == ([("box", "tin")], "done")
 
 
 def test_the_photograph_lies_on_its_own_pixels_however_much_is_shown(shown: Recorder) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dextera_build.artifacts.cameras.camera import Photograph
 from dextera_build.artifacts.objects.object import Asset
@@ -15,11 +15,14 @@ from dextera_build.artifacts.tasks.trials import Trials
 from dextera_build.building import fetch, part
 from dextera_build.cli import built
 from dextera_build.engine.graph import parse_address
-from dextera_build.errors import DxbError, RuleError, UsageError, listing
+from dextera_build.errors import RuleError, UsageError, listing
 from dextera_build.explain import ancestors
 from dextera_build.policy.robot_run import REAL
 from dextera_build.report.wording import count
 from dextera_build.session import Session, notices
+
+if TYPE_CHECKING:
+    from dextera_build.cli.look.mending import Mending
 
 Fill = Callable[[Any], Iterator[float]]
 """Fills a viewer, and gives the times of the further states of a recording [s]; each item moves the scene on."""
@@ -209,7 +212,7 @@ def _scene(session: Session, nodes: dict[str, list[str]]) -> Fill:
             photo=photograph.rgb,
             addresses=addresses,
             held=held,
-            bind=_binder(session, nodes, photograph),
+            mending=_mending(session, nodes, photograph, viewer),
         )
         return iter(())
 
@@ -227,30 +230,21 @@ def _held(session: Session, nodes: list[str], assets: Mapping[str, Asset]) -> di
     return {label: reasons[body] for label, body in body_names(assets).items() if body in reasons}
 
 
-def _binder(session: Session, nodes: dict[str, list[str]], photograph: Photograph) -> Callable[[str, str], str] | None:
-    """Binds a name to an object by its innermost pixel, as `dxb bind` does; None without segmented objects."""
+def _mending(session: Session, nodes: dict[str, list[str]], photograph: Photograph, viewer: Any) -> Mending | None:
+    """What the panel does with the objects; None without segmented objects."""
+    from dextera_build.cli.look.mending import Mending
+    from dextera_build.view import server
+
     if "Segmentation" not in nodes:
         return None
     objects: Any = session.artifact(nodes["Segmentation"][-1])
 
-    def bind(label: str, name: str) -> str:
-        from dextera_build.building.bind import Naming
-        from dextera_build.geometry import pictures
-        from dextera_build.recipe.bindings import Binding
+    def show(built: Session) -> None:
+        fill = _recipe(built)
+        server.clear(viewer)
+        fill(viewer)
 
-        if label not in objects.names:
-            return f"`{label}` is no object of the photograph"
-        at = pictures.innermost(objects.map.labels == objects.names.index(label) + 1)
-        try:
-            naming = Naming(session.project, session.recipe)
-            if not naming.prepare(lambda _: None).ok:
-                return f"the objects cannot be built; see `dxb build {session.recipe}`"
-            naming.bind(name, Binding((int(at[0]), int(at[1]))), on=pictures.digest_of(photograph.rgb.pixels))
-        except DxbError as error:
-            return error.message
-        return f"`{name}` is bound in dxb.lock; `dxb build {session.recipe}` renames it"
-
-    return bind
+    return Mending(session, photograph, objects, show)
 
 
 def _is(index: str, asked: str) -> bool:

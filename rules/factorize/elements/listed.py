@@ -44,8 +44,8 @@ class ElementOptions(Options):
     """`rigid` or `articulated`."""
     material: str | None = None
     """A row of the material table."""
-    at_px: Point | None = None
-    """Column and row of one of its pixels [px]."""
+    at_px: Point | tuple[Point, ...] | None = None
+    """Column and row of one of its pixels [px], or of one in each region that belongs to it."""
     box: Pixels | None = None
     """Left, top, right, bottom [px]; pieces inside are one object."""
     interactive: bool | None = None

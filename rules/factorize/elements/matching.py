@@ -9,14 +9,15 @@ from typing import Any
 from dextera_build.artifacts.objects.object import Element
 from dextera_build.errors import RuleError, listing
 
-from ..overlap import PART, Box, box_area, box_inside, box_iou
+from ..overlap import PART, Box, around, box_area, box_inside, box_iou
 from .naming import unique
-from .scene_file import Wanted
+from .points import box_at
+from .scene_file import Point, Wanted
 
 SMALL = 0.5
 """A proposal is small if its box has less than this fraction of the area of the requested box."""
 
-Find = Callable[[tuple[int, int]], Box | None]
+Find = Callable[[Point], Box | None]
 """Box of the proposal that contains a pixel (column, row); None if there is none."""
 
 
@@ -59,10 +60,8 @@ def match(
 def _unmatched(
     item: Wanted, proposals: Sequence[Element], free: Sequence[Element], fitting: Sequence[Element]
 ) -> RuleError:
-    sought = next(
-        (f"{key} {list(item.fields[key])}" for key in ("at_px", "box") if key in item.fields),
-        item.fields.get("phrase") or item.name,
-    )
+    told = {"at_px": [list(point) for point in item.points], "box": list(item.fields.get("box", ()))}
+    sought = next((f"{key} {_bare(at)}" for key, at in told.items() if at), item.fields.get("phrase") or item.name)
     taken = [p.name for p in proposals if p not in free]
     found = "nothing that stands out from the support"
     if fitting:
@@ -79,6 +78,11 @@ def _unmatched(
         hint="give it `at_px: [column, row]`, a pixel of the right one; the numbers above are boxes [left, top, right, "
         "bottom] of the proposals; the preview of `parse` in the report shows them",
     )
+
+
+def _bare(at: list[Any]) -> list[Any]:
+    """One point without the list around it."""
+    return at[0] if len(at) == 1 else at
 
 
 def boxed(wanted: Sequence[Wanted]) -> tuple[Element, ...]:
@@ -100,20 +104,19 @@ def boxed(wanted: Sequence[Wanted]) -> tuple[Element, ...]:
 
 def _fitting(item: Wanted, free: Sequence[Element], smallest_iou: float, at: Find | None) -> list[Element]:
     if "at_px" in item.fields:
-        return _by_point(item.fields["at_px"], free, at)
+        return _by_point(item.points[0], free, at)
     if "box" in item.fields:
         return _by_box(item.fields["box"], free, smallest_iou)
     return _by_words(item, free)
 
 
-def _by_point(point: tuple[int, int], free: Sequence[Element], at: Find | None) -> list[Element]:
+def _by_point(point: Point, free: Sequence[Element], at: Find | None) -> list[Element]:
     """The proposal whose mask contains the pixel or, without masks, the smallest box around it."""
-    column, row = point
-    holding = [p for p in free if p.box and p.box[0] <= column < p.box[2] and p.box[1] <= row < p.box[3]]
     if at is not None:
         own = at(point)
-        return [p for p in holding if p.box == own]
-    return sorted(holding, key=lambda p: box_area(p.box or (0, 0, 0, 0)))[:1]
+        return [p for p in free if p.box == own and own is not None]
+    smallest = box_at(free, point)
+    return [smallest] if smallest is not None else []
 
 
 def _by_box(box: Box, free: Sequence[Element], smallest_iou: float) -> list[Element]:
@@ -123,7 +126,7 @@ def _by_box(box: Box, free: Sequence[Element], smallest_iou: float) -> list[Elem
         return [best[1]]
     parts = [p for p in free if p.box and box_inside(p.box, box) >= PART]
     corners = [p.box for p in parts if p.box]
-    if not corners or box_iou(box, _around(corners)) < smallest_iou:
+    if not corners or box_iou(box, around(corners)) < smallest_iou:
         return []
     return [max(parts, key=lambda p: box_area(p.box or (0, 0, 0, 0)))]
 
@@ -131,12 +134,6 @@ def _by_box(box: Box, free: Sequence[Element], smallest_iou: float) -> list[Elem
 def _is_part(proposal: Element, box: Box) -> bool:
     own = proposal.box
     return own is not None and box_inside(own, box) >= PART and box_area(own) < SMALL * box_area(box)
-
-
-def _around(boxes: Sequence[Box]) -> Box:
-    """The smallest box around several boxes."""
-    left, top, right, bottom = zip(*boxes, strict=True)
-    return min(left), min(top), max(right), max(bottom)
 
 
 def _by_words(item: Wanted, free: Sequence[Element]) -> list[Element]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any, NoReturn, Protocol
 
 import numpy as np
@@ -12,15 +11,13 @@ from dextera_build.artifacts.cameras.camera import Measured, Photograph
 from dextera_build.artifacts.cameras.image import LabelImage
 from dextera_build.artifacts.objects.object import Element, Elements, Support
 from dextera_build.errors import listing
-from dextera_build.geometry import upright
 from dextera_build.rule import Context, Fraction, Options, rule
 
 from ..masks.marking import boxes
 from ..measured import Measurements, Workspace, of_workspace, robot_pixels
-from ..overlap import Box, box_of
+from ..regions.divide import divided
 from ..regions.heights import relief
-from ..regions.proposals import scenery
-from . import borders, matching, scene_file
+from . import borders, matching, points, scene_file
 from .nothing import causes
 
 
@@ -67,8 +64,8 @@ def parse(
         if proposals is None:
             found = matching.boxed(wanted)
         else:
-            at = _at(depth, proposals.regions) if depth.taken else None
-            found = matching.match(wanted, proposals.elements, options.match_iou, at)
+            proposals = points.settled(wanted, proposals, lambda region, own: divided(depth.needed(), region, own))
+            found = matching.match(wanted, proposals.elements, options.match_iou, points.finder(proposals.regions))
     elif proposals is None:
         ctx.fail("this backend proposes no elements, and no `scene.yaml` lists them", hint="give the input `scene`")
     else:
@@ -85,30 +82,6 @@ def parse(
     ctx.say(f"{', '.join(interactive)}" + (f"; {static} static" if static else ""))
     ctx.preview(boxes(photograph.rgb.pixels, found), "elements")
     return result
-
-
-NEAR_PX = 4
-"""Largest distance of a point from its region [px]: masks lack smeared borders and have holes."""
-
-
-def _at(measured: Measurements[Workspace], regions: np.ndarray | None) -> matching.Find:
-    """The box of the region above the support with most pixels around a point."""
-
-    def find(point: tuple[int, int]) -> Box | None:
-        column, row = point
-        seen = labels()
-        near = seen[max(0, row - NEAR_PX) : row + NEAR_PX + 1, max(0, column - NEAR_PX) : column + NEAR_PX + 1]
-        counts = np.bincount(near[near > 0])
-        return box_of(seen == int(counts.argmax())) if len(counts) else None
-
-    @cache
-    def labels() -> np.ndarray:
-        if regions is not None:
-            return regions
-        workspace = measured.needed()
-        return upright.turned(scenery(workspace.upright()).labels, -workspace.turns)
-
-    return find
 
 
 def _nothing(ctx: Context, measured: Measurements[Workspace], found: tuple[Element, ...]) -> NoReturn:

@@ -20,6 +20,8 @@ FIELDS = ("name", "phrase", "category", "body_type", "material", "at_px", "box",
 CATEGORIES = ("box", "cylinder", "bowl", "mug", "laptop", "object", "support", "robot", "room")
 STATIC = ("support", "robot", "room")
 BODY_TYPES = get_args(Element.model_fields["body_type"].annotation)
+Point = tuple[int, int]
+"""Column and row of a pixel [px]."""
 NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 
 
@@ -34,6 +36,12 @@ class Wanted:
     def name(self) -> str:
         """The unique name."""
         return str(self.fields["name"])
+
+    @property
+    def points(self) -> tuple[Point, ...]:
+        """The pixels of `at_px`."""
+        at: Any = self.fields.get("at_px", ())
+        return (at,) if at and isinstance(at[0], int) else tuple(at)
 
     @property
     def interactive(self) -> bool:
@@ -80,9 +88,9 @@ def inside(wanted: Sequence[Wanted], width: int, height: int) -> None:
         RuleError: One is.
     """
     for item in wanted:
-        column, row = item.fields.get("at_px") or item.fields.get("box", (0, 0))[:2]
-        if column >= width or row >= height:
-            key = "at_px" if "at_px" in item.fields else "box"
+        corners = item.points or (item.fields.get("box", (0, 0))[:2],)
+        if any(column >= width or row >= height for column, row in corners):
+            key = "at_px" if item.points else "box"
             raise RuleError(
                 f"`{key}` of `{item.name}` is outside the photograph",
                 code="DXB-B204",
@@ -103,7 +111,7 @@ def _value(key: str, node: Any) -> object:
     if key == "box":
         return _box(node)
     if key == "at_px":
-        return _point(node)
+        return _points(node)
     if key == "joints":
         return joints_file.read(node)
     text = node.value if node.id == "scalar" else None
@@ -121,8 +129,17 @@ def _value(key: str, node: Any) -> object:
     return text
 
 
-def _point(node: Any) -> tuple[int, int]:
+def _points(node: Any) -> Point | tuple[Point, ...]:
+    """One point, or several of one thing."""
+    parts = node.value if node.id == "sequence" else []
+    if parts and all(part.id == "sequence" for part in parts):
+        return tuple(_point(part) for part in parts)
+    return _point(node)
+
+
+def _point(node: Any) -> Point:
     parts = [part.value for part in node.value] if node.id == "sequence" else []
     if len(parts) != 2 or not all(isinstance(part, str) and re.fullmatch(r"[0-9]{1,6}", part) for part in parts):
-        raise _wrong("`at_px` must be two whole numbers: [column, row] in pixels", node)
+        hint = "of one thing that was found as several: [[column, row], [column, row]], a pixel of each"
+        raise _wrong("`at_px` must be two whole numbers: [column, row] in pixels", node, hint=hint)
     return int(parts[0]), int(parts[1])

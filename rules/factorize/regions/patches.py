@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -129,10 +130,13 @@ def fold(s: Surfaces, rows: np.ndarray, columns: np.ndarray, down: int, right: i
     return angle, step / np.maximum(w0 * w1, 1e-9)
 
 
-def edges(s: Surfaces) -> np.ndarray:
-    """Strength (h, w) of creases and steps around each pixel; patches end at 1."""
+Span = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, int, int]
+"""Rows and columns of pixels, those of the pixels one span before them, and the direction (down, right)."""
+
+
+def spans(s: Surfaces) -> Iterator[Span]:
+    """In each direction, the pixels with a known normal one span before and one span behind them."""
     known = np.linalg.norm(s.normal, axis=-1) > 0
-    strength = np.zeros(s.inverse.shape)
     for down, right in NEIGHBOURS:
         rows, columns = np.nonzero(known)
         r0, c0, r1, c1 = rows - SPAN * down, columns - SPAN * right, rows + SPAN * down, columns + SPAN * right
@@ -140,7 +144,13 @@ def edges(s: Surfaces) -> np.ndarray:
         inside &= (c0 < known.shape[1]) & (c1 < known.shape[1])
         rows, columns, r0, c0, r1, c1 = (x[inside] for x in (rows, columns, r0, c0, r1, c1))
         both = known[r0, c0] & known[r1, c1]
-        rows, columns, r0, c0 = rows[both], columns[both], r0[both], c0[both]
+        yield rows[both], columns[both], r0[both], c0[both], down, right
+
+
+def edges(s: Surfaces) -> np.ndarray:
+    """Strength (h, w) of creases and steps around each pixel; patches end at 1."""
+    strength = np.zeros(s.inverse.shape)
+    for rows, columns, r0, c0, down, right in spans(s):
         angle, step = fold(s, r0, c0, 2 * SPAN * down, 2 * SPAN * right)
         limit = step_limit(s, rows, columns)
         value = np.maximum(np.abs(angle) / CREASE_RAD, step / limit)
