@@ -58,8 +58,8 @@ def _event(node: ast.ClassDef) -> list[str]:
     told = []
     for field, after in pairwise([*node.body, ast.Pass()]):
         if isinstance(field, ast.AnnAssign) and ast.unparse(field.target) != "kind":
-            said = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
-            meaning = f": {_prose(str(after.value.value)).rstrip('.')}" if said else ""
+            said = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) and after.value.value
+            meaning = f": {_prose(str(said)).rstrip('.')}" if said else ""
             told.append(f"{code(ast.unparse(field.target))} ({_type(ast.unparse(field.annotation))}){meaning}")
     return [code(kind), _prose(ast.get_docstring(node) or ""), "; ".join(told)]
 
