@@ -128,3 +128,10 @@ def box(mask: np.ndarray) -> list[int]:
     """Left, top, right, bottom [px] of a mask (H, W) bool."""
     rows, columns = np.nonzero(mask)
     return [int(columns.min()), int(rows.min()), int(columns.max()) + 1, int(rows.max()) + 1]
+
+
+def test_a_recipe_that_lists_its_objects_is_not_corrected(desk):
+    session = Session(desk.project, "twin/box_table", makes=True)
+    with pytest.raises(UsageError, match="`twin/box_table` lists its objects itself") as caught:
+        Corrections(session, "").merge("box", "blue_cube")
+    assert caught.value.code == "DXB-U224"
