@@ -22,6 +22,7 @@ from dextera_build.building.photographed import Found, Photographed
 from dextera_build.building.values import raise_errors
 from dextera_build.errors import DxbError, UsageError, listing
 from dextera_build.geometry import pictures
+from dextera_build.geometry.regions import box_of
 from dextera_build.runs.events import Event, NodeFinished
 from dextera_build.session import Session
 from dextera_build.store import files
@@ -78,7 +79,7 @@ class Corrections:
         """
         found, text, elements = self._read()
         points = [pictures.innermost(_mask(found, each)) for each in (name, other)]
-        box = _box(_mask(found, name) | _mask(found, other))
+        box = box_of(_mask(found, name) | _mask(found, other))
         kept, gone = (elements[each] for each in (name, other))
         text = scene_edit.changed(text, kept, _fields(found, points, box))
         text = scene_edit.removed(text, gone)
@@ -111,7 +112,7 @@ class Corrections:
         kept, known = elements[name], scene_edit.names(text)
         fresh = next(each for n in range(2, len(known) + 3) if (each := f"{kept}_{n}") not in known)
         first, second = (
-            _fields(found, [point], _box(part)) for point, part in zip(points, _halves(mask, points), strict=True)
+            _fields(found, [point], box_of(part)) for point, part in zip(points, _halves(mask, points), strict=True)
         )
         text = scene_edit.changed(text, kept, first)
         text = scene_edit.added(text, kept, {"name": fresh, **{k: v for k, v in second.items() if v is not None}})
@@ -253,20 +254,14 @@ def _mask(found: Found, name: str) -> np.ndarray:
             facts={"objects": listing(found.objects.names, most=30)},
             hint="build again to see what the corrections of before made",
         )
-    return np.asarray(found.objects.map.labels == found.objects.names.index(name) + 1)
+    return found.objects.mask(name)
 
 
-def _fields(found: Found, points: Sequence[Point], box: list[int]) -> dict[str, Any]:
+def _fields(found: Found, points: Sequence[Point], box: tuple[int, ...]) -> dict[str, Any]:
     """The place of an element: points choose regions; where there are none, the box is the place, too."""
     chosen = [[int(column), int(row)] for column, row in points]
     at: Any = chosen[0] if len(chosen) == 1 else chosen
-    return {"at_px": at, "box": box if found.elements.regions is None else None}
-
-
-def _box(mask: np.ndarray) -> list[int]:
-    """Left, top, right, bottom of a mask (H, W) bool, right and bottom excluded [px]."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    return [int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1]
+    return {"at_px": at, "box": list(box) if found.elements.regions is None else None}
 
 
 def _halves(mask: np.ndarray, points: Sequence[Point]) -> list[np.ndarray]:

@@ -50,8 +50,7 @@ def _entry(
         stated = element.material_confidence == 1.0
         yield f"    material: {element.material}" if stated else _material(element)
     if name is not None:
-        mask = objects.map.labels == objects.names.index(name) + 1
-        yield "    at_px: [{}, {}]".format(*pictures.innermost(mask))
+        yield "    at_px: [{}, {}]".format(*pictures.innermost(objects.mask(name)))
     if element.box and (name is None or by_box):
         yield "    box: [{}, {}, {}, {}]".format(*element.box)
     if name is None and element.interactive:

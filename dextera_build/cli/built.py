@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from dextera_build.artifacts.tasks.policy import Checkpoint
     from dextera_build.artifacts.tasks.task import TaskBundle
     from dextera_build.artifacts.tasks.term import TermSpec
+    from dextera_build.code.companions import Companion
     from dextera_build.policy.added import AddedTerm
     from dextera_build.policy.running import Runner
     from dextera_build.session import Session
@@ -103,14 +104,11 @@ def artifact(args: argparse.Namespace, target: str, kind: type[T]) -> T:
 
 def runner(session: Session, node: str, checkpoint: Checkpoint) -> Runner:
     """`policy.py` next to the rule that trained a policy."""
-    from dextera_build.code.companions import beside
-    from dextera_build.explain import ancestors
     from dextera_build.policy.running import Runner
     from dextera_build.running import called
 
     algorithm = checkpoint.contract.algorithm
-    rules = {event["rule"] for kind, event in ancestors.behind(session, node) if kind == checkpoint.name()}
-    near = (beside(session.project.library.find(rule), "policy") for rule in sorted(rules))
+    near = _companions(session, node, checkpoint.name(), "policy")
     found = [each for each in near if each.name == algorithm and each.file.is_file()]
     found_runner: Runner = called.running({"checkpoint": found})("checkpoint", algorithm, Runner)
     return found_runner
@@ -133,11 +131,16 @@ def terms(session: Session, node: str, checkpoint: Checkpoint) -> Iterator[TermS
 def measured(session: Session, node: str, terms: Collection[TermSpec]) -> tuple[AddedTerm, ...]:
     """Terms with their functions, from the rules that declared them for what a policy learned from."""
     from dextera_build.artifacts.tasks.term import TermSpec
-    from dextera_build.code.companions import beside
-    from dextera_build.explain import ancestors
     from dextera_build.policy.added import of_specs
     from dextera_build.running import called
 
-    rules = {event["rule"] for kind, event in ancestors.behind(session, node) if kind == TermSpec.name()}
-    files = [beside(session.project.library.find(rule), "") for rule in sorted(rules)]
-    return of_specs(terms, called.running({"terms": files}))
+    return of_specs(terms, called.running({"terms": _companions(session, node, TermSpec.name(), "")}))
+
+
+def _companions(session: Session, node: str, kind: str, stem: str) -> list[Companion]:
+    """The files `stem` beside the rules that made the artifacts of a type from which a node was made."""
+    from dextera_build.code.companions import beside
+    from dextera_build.explain import ancestors
+
+    rules = {event["rule"] for name, event in ancestors.behind(session, node) if name == kind}
+    return [beside(session.project.library.find(rule), stem) for rule in sorted(rules)]

@@ -5,6 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 
+def box_of(mask: np.ndarray) -> tuple[int, int, int, int]:
+    """Left, top, right, bottom of the pixels of a mask (H, W) bool, right and bottom excluded [px]."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+
+
 def label(mask: np.ndarray) -> tuple[np.ndarray, int]:
     """4-connected regions of a (H, W) bool mask: (H, W) int32 with 1.. in scan order, and their number."""
     from scipy import ndimage

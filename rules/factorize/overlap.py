@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from dextera_build.geometry.regions import box_of
+
 Box = tuple[int, int, int, int]
 PART = 0.85
 """Fraction of a box inside another one above which it is a part of the same object."""
@@ -20,12 +22,6 @@ def box_iou(a: Box, b: Box) -> float:
 def box_inside(a: Box, b: Box) -> float:
     """Fraction of box `a` inside box `b`."""
     return _shared(a, b) / max(1, box_area(a))
-
-
-def box_of(mask: np.ndarray) -> Box:
-    """Left, top, right, bottom of the pixels of a mask (H, W) bool, right and bottom excluded."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
 
 
 def around(boxes: Sequence[Box]) -> Box:

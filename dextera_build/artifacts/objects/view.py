@@ -102,6 +102,10 @@ class Segmentation(Artifact):
     map: InstanceMap
     """Their pixels in the full photograph."""
 
+    def mask(self, name: str) -> np.ndarray:
+        """Pixels (H, W) bool of an object in the full photograph."""
+        return np.asarray(self.map.labels == self.names.index(name) + 1)
+
 
 @dataclass(frozen=True)
 class Seen(DepthView):

@@ -42,7 +42,7 @@ class Mending:
 
     def mask(self, name: str) -> np.ndarray:
         """The pixels (H, W) bool of an object."""
-        return np.asarray(self._objects.map.labels == self._objects.names.index(name) + 1)
+        return self._objects.mask(name)
 
     def bind(self, label: str, name: str) -> str:
         """Bind a name to an object by its innermost pixel, as `dxb bind` does."""

@@ -87,9 +87,7 @@ def _driven(
 
     from dextera_build.deploying.ahead import Ahead
     from dextera_build.deploying.driving import drive
-    from dextera_build.sim.model.model import compile_folder
     from dextera_build.sim.primitives import catalogue
-    from dextera_build.sim.runtime import palms
 
     task = here.bundle.task
     print(f"{task.name} at {task.control_hz:g} Hz on {args.robot}; press Ctrl-C to stop", file=sys.stderr, flush=True)
@@ -101,7 +99,7 @@ def _driven(
         np.array(goal, np.float32),
         rate_hz=task.control_hz,
         limit_s=args.limit or task.timeout_s,
-        added=palms.added(here.bundle, compile_folder(here.bundle.model), terms),
+        added=cell.mirror.added(terms),
     )
     told = ran.facts() | (ahead.facts() if ahead else {})
     connected.judged(args, bag, told, ran.success)

@@ -8,6 +8,7 @@ measurement error. Success is judged by the same code as in simulation (`dextera
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -15,6 +16,7 @@ import numpy as np
 
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.geometry import poses, transforms
+from dextera_build.policy.added import AddedTerm, AddedTerms
 from dextera_build.policy.observation import Measurement
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.model.model import compile_folder
@@ -23,6 +25,7 @@ from dextera_build.sim.primitives.grasp import SUPPORT, Hands
 from dextera_build.sim.primitives.state import GraspState, TaskState, opposed
 from dextera_build.sim.primitives.success import Judge
 from dextera_build.sim.render.robot_pixels import pose_robot
+from dextera_build.sim.runtime import palms
 
 NEAR_M = 0.008
 """Distance of two surfaces that are assumed to touch [m]: the combined error of calibration and tracker."""
@@ -133,6 +136,10 @@ class MeasuredState:
             if holding:
                 objects[thing] = holding[0]
         return Hold(palms, objects)
+
+    def added(self, terms: Sequence[AddedTerm]) -> AddedTerms | None:
+        """Terms of a project, to be measured in the task; None if there are none; see `palms.added`."""
+        return palms.added(self._twin, self._model, terms)
 
     def palms(self, joints: np.ndarray) -> np.ndarray:
         """Positions (L, 3) of the palms in the base at joint positions (A,) [m]; the origin if there is no palm."""

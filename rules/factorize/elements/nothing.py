@@ -8,9 +8,9 @@ import numpy as np
 
 from dextera_build.artifacts.objects.object import Element
 from dextera_build.geometry import planes, regions
+from dextera_build.geometry.regions import box_of
 
 from ..measured import Workspace
-from ..overlap import box_of
 from ..regions.heights import relief
 from ..regions.proposals import SMALLEST_M2
 

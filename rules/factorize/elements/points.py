@@ -8,8 +8,9 @@ import numpy as np
 
 from dextera_build.artifacts.objects.object import Element, Elements
 from dextera_build.errors import RuleError
+from dextera_build.geometry.regions import box_of
 
-from ..overlap import Box, around, box_area, box_of
+from ..overlap import Box, around, box_area
 from .naming import unique
 from .scene_file import Point, Wanted
 
@@ -132,9 +133,9 @@ def _of_region(mask: np.ndarray, elements: Sequence[Element]) -> Element | None:
 def _joined_boxes(wanted: Sequence[Wanted], proposals: Sequence[Element]) -> tuple[Element, ...]:
     """The proposals, those that the points of one element choose as one in the box around them."""
     found = list(proposals)
-    for item in wanted:
+    for item in (each for each in wanted if len(each.points) > 1):
         chosen: list[Element] = []
-        for point in item.points[: None if len(item.points) > 1 else 0]:
+        for point in item.points:
             proposal = box_at(proposals, point)
             if proposal is None:
                 raise _nowhere(item, point)

@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from dextera_build.geometry import cameras, regions, transforms
+from dextera_build.geometry.regions import box_of
 
 from ..measured import Workspace
-from ..overlap import Box, box_of
+from ..overlap import Box
 from ..regions import proposals
 from ..regions.heights import least_height
 

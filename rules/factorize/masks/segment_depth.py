@@ -6,11 +6,12 @@ import numpy as np
 
 from dextera_build.artifacts.cameras.camera import Photograph
 from dextera_build.artifacts.objects.object import Element, Elements
+from dextera_build.geometry.regions import box_of
 from dextera_build.geometry.upright import turned
 from dextera_build.rule import Backend, Context, Options
 
 from ..measured import Measurements, Workspace, turned_elements
-from ..overlap import PART, Box, box_inside, box_iou, box_of
+from ..overlap import PART, Box, box_inside, box_iou
 from ..regions import heights
 from ..regions.proposals import scenery
 from . import matte

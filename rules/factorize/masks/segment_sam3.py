@@ -10,11 +10,12 @@ import numpy as np
 
 from dextera_build.artifacts.cameras.camera import Photograph
 from dextera_build.artifacts.objects.object import Element, Elements
+from dextera_build.geometry.regions import box_of
 from dextera_build.learning.vision_input import VisionInput
 from dextera_build.rule import Backend, Context, Fraction, Options
 
 from ..measured import Measurements, Workspace
-from ..overlap import Box, box_iou, box_of
+from ..overlap import Box, box_iou
 
 BACKEND = Backend(
     summary="Grounding DINO boxes and SAM 3 masks; nothing measured is read",

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dextera_build.geometry import regions
+from dextera_build.geometry.regions import box_of
 
 from ..measured import Workspace
-from ..overlap import box_of
 from .heights import relief
 
 FEWEST = 150

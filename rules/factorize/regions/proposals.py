@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dextera_build.geometry.regions import box_of
+
 from ..measured import Workspace
-from ..overlap import Box, box_of
+from ..overlap import Box
 from . import borders, grouping, heights, patches, relations, smears
 from .partition import Grouping
 from .relations import Group

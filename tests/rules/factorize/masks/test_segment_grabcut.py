@@ -13,8 +13,8 @@ from dextera_build.artifacts.objects.object import Element, Elements
 from dextera_build.artifacts.objects.view import Segmentation
 from dextera_build.artifacts.scenes.scene import Truth
 from dextera_build.errors import RuleError
+from dextera_build.geometry.regions import box_of
 from dextera_build.testing import RuleRunner
-from rules.factorize.overlap import box_of
 from tests import factories, tabletops
 
 RECIPE = Path(__file__).parents[4] / "recipes/reference/laptop_scene.yaml"
