@@ -9,6 +9,7 @@ from dextera_build.geometry import regions
 from ..overlap import crop
 from ..regions import proposals
 from ..regions.heights import Relief
+from . import fattening
 
 BAND = 12
 """Maximum distance of object pixels beyond the measured mask [px]."""
@@ -30,6 +31,8 @@ ALIKE = 0.6
 """Maximum distance of a colour from the object's colours, as a fraction of its distance from the support's."""
 BESIDE = 4
 """Distance from a mask at which the support's colours are sampled [px]."""
+LEAST_CORE = 0.1
+"""Smallest fraction of a mask whose colours stand for the object's."""
 MOST_CHANGE = 0.4
 """A refined border that changes more than this fraction of the mask is rejected."""
 
@@ -45,6 +48,7 @@ def complete(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.nd
     """
     from scipy import ndimage
 
+    mask = fattening.thinned(mask, others, relief, pixels)
     smooth = ndimage.binary_closing(np.pad(mask, 4), np.ones((3, 3), bool))[4:-4, 4:-4] & ~others
     filled = fill(bays(mask | (smooth & ~relief.valid), others, relief, pixels), others, relief)
     settled = border(filled, others, relief, pixels)
@@ -97,7 +101,7 @@ def bays(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.ndarra
     if empty.sum() < LEAST_BAY * own.sum():
         return mask
     lab = ndimage.uniform_filter(proposals.colour_lab(pixels[box]), size=(3, 3, 1))
-    colours = [lab[where][:: max(1, int(where.sum()) // 2000)] for where in (own, floor)]
+    colours = [lab[where][:: max(1, int(where.sum()) // 2000)] for where in (core(own), floor)]
     to_own, to_floor = (cKDTree(colour).query(lab[empty])[0] for colour in colours)
     alike = np.zeros_like(own)
     alike[empty] = to_own < ALIKE * to_floor
@@ -108,6 +112,14 @@ def bays(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.ndarra
     found = mask.copy()
     found[box] |= keep[labels]
     return found
+
+
+def core(mask: np.ndarray) -> np.ndarray:
+    """Pixels (H, W) bool so far inside that their depth is the object's own; the whole mask where it is too thin."""
+    from scipy import ndimage
+
+    inside = ndimage.distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1] > SURE
+    return np.asarray(inside if inside.sum() >= LEAST_CORE * mask.sum() else mask)
 
 
 def border(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.ndarray) -> np.ndarray:

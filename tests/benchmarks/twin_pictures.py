@@ -1,0 +1,75 @@
+"""Draw photographs beside their twins, which are seen from the photograph's camera and from both sides of it.
+
+    python -m tests.benchmarks.twin_pictures OUT.jpg NAME...
+
+A row per photograph of the folder of captures, built by `twin/tabletop` without options: the photograph, the twin from
+its camera, and from that camera turned by 60 deg to the left and to the right about the middle of the objects. Prints a
+table of what each twin holds. The captures lie outside the project; some may not be redistributed, so their pictures
+may not either.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+
+import cv2
+import mujoco
+import numpy as np
+
+from dextera_build.api import Project
+from dextera_build.artifacts.scenes.scene import Scene, SettleReport
+from dextera_build.sim.model import model as models
+from dextera_build.sim.render.rendering import Eye
+from tests.rules.factorize.masks.outlines import CAPTURES
+
+TURNS_DEG = (0.0, -60.0, 60.0)
+WIDTH_PX = 400
+"""Width of one picture of a row."""
+
+
+def row(scene: Scene, photograph: np.ndarray) -> np.ndarray:
+    """The photograph (H, W, 3) uint8 and the twin's views, side by side."""
+    model = models.compile_folder(scene.model)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    middle = np.mean([data.body(name).xpos for name in scene.bodies], axis=0)
+    camera = scene.camera.scaled(WIDTH_PX / scene.camera.width)
+    pictures = [cv2.resize(photograph, (camera.width, camera.height), interpolation=cv2.INTER_AREA)]
+    for turn in np.radians(TURNS_DEG):
+        around = np.eye(4)
+        around[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
+        around[:3, 3] = middle - around[:3, :3] @ middle
+        with Eye(model, camera, around @ scene.camera_pose.matrix) as eye:
+            pictures.append(eye.rgb(data))
+    return np.hstack(pictures)
+
+
+def main() -> None:
+    """Build the twins, print their table and write the picture."""
+    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    asked.add_argument("out", type=Path)
+    asked.add_argument("captures", nargs="+", metavar="NAME", help="folder in the folder of captures, or a path")
+    options = asked.parse_args()
+    rows = []
+    print("| photograph | bodies | free | at rest | held, and why |\n|---|---|---|---|---|")
+    with tempfile.TemporaryDirectory() as folder:
+        project = Project.find(folder, cache=str(Path(folder) / "cache"))
+        for name in options.captures:
+            capture = (Path(name) if Path(name).is_dir() else CAPTURES / name).resolve()
+            built = project.build("twin/tabletop", "scene", "settle", inputs={"capture": str(capture)})
+            scene, settled = built.artifact("scene"), built.artifact("settle")
+            assert isinstance(scene, Scene)
+            assert isinstance(settled, SettleReport)
+            free = [body for body in settled.bodies if body.name not in scene.held]
+            held = "; ".join(f"{body}: {why}" for body, why in scene.held.items()) or "-"
+            print(f"| {capture.name} | {len(scene.bodies)} | {len(free)} | {sum(b.resting for b in free)} | {held} |")
+            photograph = cv2.cvtColor(cv2.imread(str(capture / "rgb.png")), cv2.COLOR_BGR2RGB)
+            rows.append(row(scene, photograph))
+    cv2.imwrite(str(options.out), cv2.cvtColor(np.vstack(rows), cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 88])
+
+
+if __name__ == "__main__":
+    main()
