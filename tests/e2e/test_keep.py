@@ -116,6 +116,7 @@ def test_a_call_that_passes_at_once_leaves_nothing(training):
     assert kept(training) == []
 
 
+@pytest.mark.medium
 def test_another_key_begins_anew(training):
     training.write("recipes/say/train.yaml", RECIPE % "fail")
     assert training.build("say/train").code == 1

@@ -97,6 +97,7 @@ def test_a_profile_of_the_environment_does_not_hide_what_was_built_with_it(count
     assert counts.dxb("get", "g:a0", "-o", "got", env={"DXB_PROFILE": "gpu"}).code == 2
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("name", ["a0", "more/x"])
 def test_a_change_that_keeps_size_and_time_is_seen(counts: Space, name: str) -> None:
     counts.write("rules/toy/tree.py", TREE.lstrip())

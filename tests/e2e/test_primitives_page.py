@@ -111,6 +111,7 @@ def test_what_does_not_fit_is_one_clear_error(space: Space, old: str, new: str, 
     assert hint in (caught.value.hint or "")
 
 
+@pytest.mark.medium
 def test_a_primitive_without_a_script_is_one_clear_error(space: Space) -> None:
     add_pour(space)
     (space.root / "rules/primitives/pour/script.py").unlink()

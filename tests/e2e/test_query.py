@@ -31,6 +31,7 @@ def test_globs_over_recipes_and_nodes(built: Space) -> None:
     assert built.dxb("ls", "say/words:all").out == "say/words:all\tcached\ttoy.join\t-\t0.0\t-\n"
 
 
+@pytest.mark.medium
 def test_what_nodes_depend_on_and_what_depends_on_them(built: Space) -> None:
     loud, louder = ([f"say/words:word[{word}].{name}" for word in ("one", "two")] for name in ("loud", "louder"))
     # A collection depends on what its group was opened over, too.
@@ -39,6 +40,7 @@ def test_what_nodes_depend_on_and_what_depends_on_them(built: Space) -> None:
     assert names(built, "say/words:word[one].louder", "--deps") == [loud[0], "say/words:words", "say/words:start"]
 
 
+@pytest.mark.medium
 def test_stale_and_cached(built: Space) -> None:
     assert names(built, "say/words", "--stale") == []
     assert len(names(built, "say/words", "--cached")) == 7
@@ -51,12 +53,14 @@ def test_stale_and_cached(built: Space) -> None:
     }
 
 
+@pytest.mark.medium
 def test_copies_that_are_not_known_yet_are_one_row(space: Space) -> None:
     assert names(space, "say/words:word.*") == ["say/words:word.loud", "say/words:word.louder"]
     assert names(space, "say/words:word.loud", "--deps") == ["say/words:words", "say/words:start"]
     assert names(space, "say/words:word.loud", "--rdeps") == ["say/words:word.louder", "say/words:all"]
 
 
+@pytest.mark.medium
 def test_of_many_recipes_one_may_need_an_input(built: Space) -> None:
     built.write(
         "recipes/say/asking.yaml", "inputs: {note: {help: A file.}}\nnodes:\n  a: {rule: toy.split, text: $note}\n"

@@ -103,6 +103,7 @@ def test_a_log_shows_what_was_fetched_and_from_where(space: Space, served: str) 
     assert "built say/words   7 nodes: 7 fetched" in log
 
 
+@pytest.mark.medium
 def test_a_remote_that_is_not_there_costs_a_warning(space: Space) -> None:
     with servers.deaf_port() as port:
         space.write("dxb.toml", f'[remotes]\nlab = {{address = "http://me:geheim@127.0.0.1:{port}/x", mode = "rw"}}\n')

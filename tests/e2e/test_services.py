@@ -132,6 +132,7 @@ def test_the_report_and_the_log_tell_what_calls_cost(asking: Space, oracle: Orac
     assert "cost: 0.1200 USD for 6 requests to oracle" in asking.dxb("log").err
 
 
+@pytest.mark.medium
 def test_a_service_without_a_price_is_not_asked_under_a_limit(asking: Space, oracle: Oracle) -> None:
     asking.edit("dxb.toml", "usd_per_call = 0.02\n", "")
     answer = asking.build("say/ask:q0", "--max-cost", "1")

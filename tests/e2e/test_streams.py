@@ -62,6 +62,7 @@ def test_results_are_printed_though_nobody_reads_errors(slower: Space) -> None:
     assert answer.out.endswith("slow\tcache/out/slow/slow/slow\n")
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(("to", "why"), [(">&-", "Bad file descriptor"), ("> /dev/full", "No space left on device")])
 def test_results_that_cannot_be_printed_are_no_success(slow: Space, to: str, why: str) -> None:
     for _ in range(3):  # what was built stays; the answer of a snapshot cannot be printed either

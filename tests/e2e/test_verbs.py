@@ -41,6 +41,7 @@ def test_get_and_report_answer_in_json(built):
     assert (built.root / built.dxb("report", "--json").document["report"]).is_file()
 
 
+@pytest.mark.medium
 def test_ls(built):
     assert "say/words\tWords, louder." in built.dxb("ls").out
     assert "toy.start\tReturn the text." in built.dxb("ls", "rules").out

@@ -89,6 +89,7 @@ def test_an_error_shows_what_the_program_printed_last(space, toy):
     assert "OSError: no camera" in failed.err
 
 
+@pytest.mark.medium
 def test_a_declared_copy_of_the_programs_side_is_the_one_that_counts(space, toy):
     toy.program(ECHO, files=("dxb_backend.py",))
     assert "the file `dxb_backend.py` of the program" in space.dxb("build", "say/tint").err
@@ -122,6 +123,7 @@ def test_an_environment_with_a_lock_file_is_made_from_it(space, toy):
     assert "hint: `python -m venv .envs/tint && .envs/tint/bin/pip install -r envs/tint.lock`\n" in refused.err
 
 
+@pytest.mark.medium
 def test_a_virtual_environment_is_used_and_its_lock_file_enters_the_key(space, toy, capfd):
     python = toy.root / ".envs" / "tint" / "bin" / "python"
     python.parent.mkdir(parents=True)

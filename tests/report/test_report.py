@@ -123,6 +123,7 @@ def test_the_picture_at_the_top_is_the_image_among_the_results(tmp_path: Path) -
     assert int(first["width"]) == 960
 
 
+@pytest.mark.medium
 def test_cached_nodes_keep_their_pictures_lines_and_numbers(tmp_path: Path) -> None:
     text, page = make(tmp_path, "cached")
     cold, _ = make(tmp_path, "cold")

@@ -129,6 +129,7 @@ def test_an_idle_model_gives_way_to_a_task_that_needs_its_memory() -> None:
         assert [str(pid) for pid in pool.pids()] == [other]
 
 
+@pytest.mark.medium
 def test_an_idle_model_leaves_after_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(warm, "IDLE_S", 0.2)
     with LocalExecutor(RUNNER, Capacity(1, 4.0)) as pool:

@@ -51,6 +51,7 @@ def untrained() -> Checkpoint:
     return policies.checkpoint(policies.contract(BUNDLE))
 
 
+@pytest.mark.medium
 def test_labels_are_what_the_teacher_would_do_in_the_true_state(tmp_path: Path, teacher: Checkpoint) -> None:
     made = teach(tmp_path, teacher, untrained(), episodes=1, position_m=0.01).items["00000"]
     environment = Environment(BUNDLE)
@@ -95,6 +96,7 @@ def test_a_round_repeats_bit_for_bit(tmp_path: Path, teacher: Checkpoint) -> Non
     np.testing.assert_array_equal(one.items["00000"].objects, other.items["00000"].objects)
 
 
+@pytest.mark.medium
 def test_led_by_the_teacher_nothing_is_the_students(tmp_path: Path, teacher: Checkpoint) -> None:
     made = teach(tmp_path, teacher, untrained(), episodes=1, led=1.0).items["00000"]
     alone = teach(tmp_path, teacher, episodes=1).items["00000"]

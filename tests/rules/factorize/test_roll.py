@@ -91,6 +91,7 @@ def test_which_side_is_up_can_be_said(runner, photographed):
     assert not warnings, "nothing was assumed"
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     "roll_deg", [-44, 135, pytest.param(30, marks=pytest.mark.slow), pytest.param(60, marks=pytest.mark.slow)]
 )

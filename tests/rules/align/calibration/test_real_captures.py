@@ -62,6 +62,7 @@ def spread(views: RobotViews, found: Calibration) -> np.ndarray:
     return 1000 * np.std(places, axis=0)
 
 
+@pytest.mark.medium
 def test_a_fixed_camera_sees_a_tag_on_the_gripper(tmp_path: Path) -> None:
     capture = views("franka_eye_to_hand", TAG)
     found = RuleRunner(tmp_path).run("align.hand_eye", views=capture)

@@ -95,6 +95,7 @@ def test_walls_are_taken_as_they_are(runner):
     assert made.cavity_fill == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.medium
 def test_walls_that_fill_the_cavity_give_way_to_wedges(runner):
     made = pieces(runner, walled(object_views.hull(solids.box((0.08, 0.08, 0.06), (0.0, 0.0, 0.03)))))
     assert made.method == "wedges"

@@ -175,6 +175,7 @@ def test_the_same_capture_gives_the_same_bytes(runner):
     assert first == second
 
 
+@pytest.mark.medium
 def test_renaming_an_element_leaves_its_view_alone(runner):
     scene = tabletops.tabletop((tabletops.bowl(WHITE), factories.pose(0.03, -0.1)))
     support = runner.run("align.support", **factories.shot(scene.capture))
@@ -223,6 +224,7 @@ def real(runner, name: str):
     return Folder(files={path.name: path.read_bytes() for path in (CAPTURES / name).iterdir()})
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("name", "box"),
     [

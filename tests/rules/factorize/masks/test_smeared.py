@@ -45,6 +45,7 @@ def test_a_smear_stays_in_the_background_with_a_warning(tmp_path):
     assert found.map.fixed[290:320, 436:450].mean() > 0.5, "it is a thing that is no object"
 
 
+@pytest.mark.medium
 def test_a_body_of_few_pixels_is_no_smear(tmp_path):
     # Along the outline, where depth is smeared and never trusted, lies a third of its pixels.
     small = tabletops.cylinder(0.03, 0.065, (0.8, 0.2, 0.2))

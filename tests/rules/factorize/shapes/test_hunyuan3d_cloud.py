@@ -74,6 +74,7 @@ def complete(tmp_path, mug):
     return run
 
 
+@pytest.mark.medium
 def test_a_mesh_comes_from_the_photograph_alone(complete, service, mug):
     shape = complete()
     assert shape.asset_source == "rgb"
@@ -127,6 +128,7 @@ def test_the_answer_is_replayed_without_service_and_secrets(complete, service, m
     assert len(service.seen) == seen
 
 
+@pytest.mark.medium
 def test_options_reach_the_service(complete, service):
     complete(model="3.0", kind="Geometry", faces=None, pbr=True)
     (told,) = service.submitted

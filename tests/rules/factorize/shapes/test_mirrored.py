@@ -70,6 +70,7 @@ def check_stands(shape: Shape) -> None:
     assert not shape.hollow
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("body", "yaw"), [(duck(), 20.0), *(pytest.param(lumps(), yaw, marks=pytest.mark.slow) for yaw in (-30.0, 0.0))]
 )

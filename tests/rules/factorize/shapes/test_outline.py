@@ -48,6 +48,7 @@ def test_occluded_pixels_do_not_count():
     assert known > unknown
 
 
+@pytest.mark.medium
 def test_a_ball_shows_the_cap_that_geometry_says():
     ball = solids.loft(
         np.array([solids.ring(np.sin(a), np.sin(a), 2.0, -np.cos(a), 96) for a in np.linspace(0.02, 3.12, 60)])
