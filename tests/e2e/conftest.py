@@ -60,7 +60,12 @@ NODES = 12
 
 @pytest.fixture
 def space(tmp_path: Path) -> Space:
-    made = Space(tmp_path)
+    return small_project(tmp_path)
+
+
+def small_project(root: Path) -> Space:
+    """The project of small rules in a folder; tests that only ask share one that was built once."""
+    made = Space(root)
     made.write("dxb.toml", 'cache = "cache"\n')
     for name, text in {**RULES, "toy/slow.py": SLOW}.items():
         made.write(f"rules/{name}", text.lstrip())

@@ -70,7 +70,7 @@ def test_what_was_never_built_as_it_is_is_given_as_it_was_built_last(here: Here)
     assert Project.find().get("g:a0").data == b"8"
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_failed_build_changes_nothing_that_is_given(here: Here, counts: Space) -> None:
     counts.edit("rules/toy/mul.py", "    return", '    ctx.check(options.add < 9, "too much")\n    return')
     counts.write("recipes/g.yaml", CHAIN)

@@ -27,7 +27,6 @@ def test_the_second_build_runs_nothing_and_plans_nothing(built):
     assert len(list((built.root / "cache/runs").iterdir())) == runs
 
 
-@pytest.mark.medium
 def test_touching_a_recipe_runs_nothing(built):
     (built.root / "recipes/say/words.yaml").touch()
     again = built.build("say/words")
@@ -35,7 +34,6 @@ def test_touching_a_recipe_runs_nothing(built):
     assert again.nodes("cached") == EVERY
 
 
-@pytest.mark.medium
 def test_an_option_of_one_copy_rebuilds_its_chain(built):
     again = built.build("say/words", "--set", "word[one].loud.times=4")
     assert again.nodes("ran") == {"word[one].loud", "word[one].louder", "all"}
@@ -71,7 +69,6 @@ def test_comments_and_docstrings_rebuild_nothing(built, file, old, new):
     assert again.nodes("ran") == set()
 
 
-@pytest.mark.medium
 def test_a_changed_helper_rebuilds_the_rules_that_import_it(built):
     built.edit("rules/toy/marks.py", 'b"!" * times', 'b"?" * times')
     assert built.build("say/words").nodes("ran") == EVERY - {"start", "words"}

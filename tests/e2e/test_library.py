@@ -77,7 +77,7 @@ def content(folder: Path) -> dict[str, str]:
     return {path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_same_assets_give_the_same_files(built, tmp_path):
     for name in ("a", "b", "a"):
         written = built.dxb("library", "-o", str(tmp_path / name), "--json").document["files"]

@@ -59,7 +59,7 @@ def test_equal_builds_at_once_after_an_edit_succeed(counts: Space) -> None:
     assert not list(counts.root.glob("cache/out/**/*~*"))
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_builds_at_once_of_other_targets_both_stay_in_the_history(counts: Space) -> None:
     running = [counts.start("build", f"g:a{number}", "--console", "none") for number in range(4)]
     for process in running:

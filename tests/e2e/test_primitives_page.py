@@ -62,7 +62,7 @@ def stale(before: Plan, after: Plan) -> set[str]:
     return {".".join(path) for path in old.keys() | new.keys() if old.get(path) != new.get(path)}
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_adding_and_editing_a_primitive_makes_its_own_nodes_stale_alone(space: Space) -> None:
     first = planned(space, PLACES)
     add_pour(space)

@@ -161,7 +161,7 @@ def test_wrong_settings_of_a_service_name_the_file(asking: Space) -> None:
     assert "services" in asking.dxb("show", "--config").out
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_limit_of_costs_holds_over_the_rounds_of_a_watch(asking: Space, oracle: Oracle) -> None:
     asking.write("recipes/say/one.yaml", "nodes:\n  q: {rule: toy.ask, number: 10}\ntargets: {default: [q]}\n")
     watching = Watching(asking, "say/one", "--max-cost", "0.05")

@@ -63,7 +63,7 @@ def test_push_says_what_is_not_built(space: Space, served: str) -> None:
     assert "hint: dxb build say/words" in answer.err
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_push_of_results_without_bytes_is_no_success_unless_they_are_there(space: Space, served: str) -> None:
     space.build("say/words")
     space.dxb("cache", "push", "say/words", "--to", served)

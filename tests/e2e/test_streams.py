@@ -92,7 +92,7 @@ def test_all_streams_closed(slow: Space) -> None:
     assert slow.dxb("cache", "verify").code == 0
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_list_that_is_cut_off_is_mute(slow: Space) -> None:
     slow.dxb("build", "slow")
     answer = shell(slow, "dxb ls rules --json | head -c 1")

@@ -209,7 +209,7 @@ def test_a_change_during_a_build_is_not_missed(notes, watch):
     assert watching.is_silent(1.0)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_changes_in_quick_order_are_taken_together(notes, watch):
     watching = watch("say/notes")
     watching.round()

@@ -69,7 +69,7 @@ def test_a_module_that_a_program_imports_is_part_of_it_though_nobody_declared_it
     assert "later looking" in space.dxb("log", "say/tint", "out").out
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_byte_code_of_the_same_size_and_time_is_no_part_of_a_program(space, toy, monkeypatch):
     monkeypatch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
     toy.program("from tint_helper import WORD\n" + ECHO.replace('"looking', 'WORD, "looking'))
@@ -189,7 +189,7 @@ def test_the_program_ends_with_the_build(space, toy, tmp_path, number, monkeypat
         left.rmdir()
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_program_ends_when_its_worker_is_killed(space, toy, tmp_path, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
     toy.program(WAITING)

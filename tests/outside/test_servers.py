@@ -110,7 +110,7 @@ def test_a_failed_call_ends_it_and_the_next_one_starts_it_again(toy, do, code, w
     assert run(toy, f"pass{guarded}", **words)[1] == 1
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_time_of_a_call_is_limited_not_that_of_the_server(toy):
     for count in range(3):
         assert run(toy, "time.sleep(0.6)", timeout_s=1.5)[1] == count + 1

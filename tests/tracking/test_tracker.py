@@ -199,7 +199,7 @@ def test_what_stands_does_not_creep_and_its_noise_is_averaged():
     assert places[30:].std(axis=0).max() < 0.5 * np.array(fresh).std(axis=0).max()
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_an_object_that_is_taken_away_is_not_said_to_be_tracked():
     """The table behind it contradicts the pose: the fit alone, whose residual is small, does not tell."""
     made = sequence(lambda time: standing(0.0 if time < 0.25 else 3.0, 0.0, 20), 1.0)
@@ -256,7 +256,7 @@ def test_the_camera_moves_and_what_stands_is_followed():
     assert max(off(each["box"], truth(moving, i / 10)) for i, each in enumerate(found)) < 0.004
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_lid_is_tracked_with_its_box():
     links, joints = things.chest()
     opening = [np.radians(60) * min(i / 8, 1.0) for i in range(12)]

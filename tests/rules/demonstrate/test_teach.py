@@ -89,7 +89,7 @@ def test_a_lost_measurement_leaves_the_previous_one(tmp_path: Path, teacher: Che
     assert 0.3 < same.mean() < 0.7
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_round_repeats_bit_for_bit(tmp_path: Path, teacher: Checkpoint) -> None:
     one, other = (teach(tmp_path / name, teacher, untrained(), episodes=1, led=0.5) for name in "ab")
     np.testing.assert_array_equal(one.items["00000"].executed, other.items["00000"].executed)

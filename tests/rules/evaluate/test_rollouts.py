@@ -102,7 +102,7 @@ def test_all_policies_face_the_same_starts_and_another_seed_gives_others(runner)
     assert not set(starts(gate.PUSHES, 3, 1)) & set(first)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_twin_and_reference_place_objects_alike(runner):
     both = [
         runner.run(

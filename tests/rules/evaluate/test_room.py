@@ -82,7 +82,7 @@ def test_a_room_in_another_frame_is_refused(tmp_path: Path, twin: Scene) -> None
         shown(tmp_path, twin, wall(4.0, "colmap"))
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_generated_room_is_shown_like_one_of_views(tmp_path: Path, twin: Scene) -> None:
     room = wall(4.0)
     composed, _ = shown(tmp_path, twin, room)

@@ -106,7 +106,7 @@ def test_any_roll_will_do(runner, roll_deg):
         assert best > 0.95
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_from_straight_above_things_stand(runner):
     eye = factories.look_at((0.02, -0.15, 0.8), (0.0, 0.0, 0.02))
     scene = tabletops.tabletop(*THINGS, eye=eye, lens=tabletops.FINE)

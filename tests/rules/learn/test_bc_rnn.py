@@ -70,7 +70,7 @@ def test_it_remembers_what_was_seen_earlier_in_the_horizon(tmp_path: Path) -> No
     np.testing.assert_allclose(late, np.array([0.5, -0.5])[:, None] * np.ones(STEPS - CUE), atol=0.1)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_policy_without_memory_cannot_learn_it(tmp_path: Path) -> None:
     """Which shows that the test above asks for memory."""
     data = remembered()

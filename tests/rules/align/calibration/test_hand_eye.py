@@ -183,7 +183,7 @@ def test_a_chessboard_that_the_border_cuts_is_told_with_what_is_seen() -> None:
     assert "inner corners are seen: the border of the picture or something in front cuts the board" in found.found
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_poses_of_the_picture_before_are_told(tmp_path: Path) -> None:
     views, _ = boards.taken(boards.MARKER)
     assert views.effectors is not None

@@ -91,7 +91,7 @@ def test_rotation_vectors_read_as_euler_angles_are_told(tmp_path: Path) -> None:
         RuleRunner(tmp_path).run("align.hand_eye", views=capture.model_copy(update={"effectors": np.stack(rows)}))
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_size_that_is_stated_for_the_chessboard_contradicts_the_robot(tmp_path: Path) -> None:
     with pytest.raises(RuleError, match=r"the board is 1\.1\d\d times as large as stated"):
         RuleRunner(tmp_path).run("align.hand_eye", views=views("franka_eye_in_hand", CHESS))

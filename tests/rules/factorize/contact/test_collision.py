@@ -120,7 +120,7 @@ def test_a_concave_body_without_a_cavity_goes_to_coacd_and_repeats(runner):
     assert runner.encode(first) == runner.encode(second)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_wedges_repeat_byte_for_byte(runner):
     body = object_views.body(object_views.mesh(object_views.cup()), hollow=True)
     assert runner.encode(pieces(runner, body)) == runner.encode(pieces(runner, body))

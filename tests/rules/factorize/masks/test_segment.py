@@ -68,7 +68,7 @@ def test_things_apart_are_cut_out_tightly(runner, noise):
     assert min(scores(found, scene.labels.labels)) > 0.9
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_bowl_keeps_its_floor(runner):
     scene = tabletops.tabletop((tabletops.bowl(WHITE), factories.pose(0.0, -0.05)))
     found = segmented(runner, scene.capture)
@@ -104,7 +104,7 @@ def test_one_thing_behind_another_stays_one(runner):
     assert min(scores(found, scene.labels.labels)) > 0.85
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_two_things_of_equal_height_behind_another_stay_two(runner):
     scene = tabletops.tabletop(
         (tabletops.cylinder(0.03, 0.2, BLUE), factories.pose(0.0, -0.1)),
@@ -153,7 +153,7 @@ def test_what_belongs_to_no_object_is_fixed(runner):
     assert not (found.map.fixed & (found.map.labels > 0)).any()
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_colour_finds_a_border_that_depth_lost(runner):
     scene = tabletops.tabletop((tabletops.box(0.1, 0.06, 0.14, RED), factories.pose(0.0, 0.0, yaw=0.4)), noise=0.3)
     truth = scene.labels.labels == 1

@@ -33,7 +33,7 @@ def with_smear(scene: tabletops.Tabletop) -> Capture:
     return factories.rgbd(pixels, depth, scene.capture.photograph.camera)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_smear_stays_in_the_background_with_a_warning(tmp_path):
     scene = tabletops.tabletop((BOX, factories.pose(-0.1, 0.0, yaw=0.4)), lens=tabletops.FINE)
     runner = RuleRunner(tmp_path)

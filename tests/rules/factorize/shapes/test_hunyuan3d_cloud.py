@@ -202,7 +202,7 @@ def test_a_job_of_an_earlier_build_is_waited_for(complete, service):
     assert len(service.submitted) == 1
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_job_that_expired_is_submitted_again(complete, service):
     service.faults = {"Query": ["InternalError"] * 4}
     with pytest.raises(MachineError):
