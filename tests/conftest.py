@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from dextera_build.code import modules
 from dextera_build.store.store import Store
 from tests.forks import forked_workers, workers_with
 
@@ -27,6 +28,9 @@ WITHOUT_SEARCH = ("not slow and not medium", "medium and not slow", "not slow")
 """What `make test`, `make test-medium` and `.ci/run` select."""
 FORKING = frozenset({"chaos", "hostile", "oracle", "outside", "workers"})
 """Folders of tests that fork this process hundreds of times, and a fork takes the longer, the more memory it has."""
+
+
+HERE = str(Path(__file__).parents[1]) + os.sep
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -61,6 +65,15 @@ def workers() -> Iterator[None]:
     """Builds in the process of the tests have forks as workers."""
     with forked_workers():
         yield
+
+
+@pytest.fixture(autouse=True, scope="module")
+def sources_forgotten() -> Iterator[None]:
+    """Sources of a test's own project go with it: each command looks at all that its process read."""
+    yield
+    for known in (vars(modules)["_READ"], vars(modules)["_PROOFS"]):
+        for name in [name for name in known if not name.startswith(HERE)]:
+            del known[name]
 
 
 @pytest.fixture(scope="module")

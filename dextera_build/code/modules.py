@@ -12,7 +12,7 @@ import os
 import pkgutil
 import sys
 import time
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache, lru_cache
@@ -111,16 +111,16 @@ def on_disk(name: str) -> str:
 
 
 @contextmanager
-def shared() -> Iterator[tuple[dict[str, str], Callable[[], None]]]:
-    """Share the sources read by this process with workers on this machine, for the duration of the block.
+def shared() -> Iterator[tuple[dict[str, str], Callable[[Iterable[Path]], None]]]:
+    """Share sources as this process read them with workers on this machine, for the duration of the block.
 
     Yields:
-        Environment variables for the workers, and a function to call once that shares all sources read so far.
+        Environment variables for the workers, and a function to call once with the files whose sources it shares.
     """
     with os.fdopen(os.memfd_create("sources"), "w") as opened:
 
-        def share() -> None:
-            json.dump({digest_of(data): data.decode("latin-1") for data in _READ.values()}, opened)  # any bytes
+        def share(files: Iterable[Path]) -> None:
+            json.dump({digest_of(data): data.decode("latin-1") for data in map(read, files)}, opened)  # any bytes
             opened.flush()
 
         yield {_SHARED: f"/proc/{os.getpid()}/fd/{opened.fileno()}"}, share

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 from dextera_build import errors
 from dextera_build.code.loader import PACKAGE, bundled
@@ -25,16 +26,16 @@ class ErrorSite:
 
 def sites(code: str = "DXB-") -> Iterator[ErrorSite]:
     """Every place that makes an error whose code begins with `code`."""
-    for text in _texts():
+    for text in _texts(PACKAGE, bundled("rules")):
         if code in text:
             yield from (error for error in _errors(text) if error.code.startswith(code))
 
 
 @cache
-def _texts() -> tuple[str, ...]:
+def _texts(package: Path, rules: Path) -> tuple[str, ...]:
     """The sources that may make errors, by path."""
-    own = [file for file in PACKAGE.rglob("*.py") if file.relative_to(PACKAGE).parts[0] not in ("docs", "_bundled")]
-    return tuple(file.read_text() for file in sorted([*own, *bundled("rules").rglob("*.py")]))
+    own = [file for file in package.rglob("*.py") if file.relative_to(package).parts[0] not in ("docs", "_bundled")]
+    return tuple(file.read_text() for file in sorted([*own, *rules.rglob("*.py")]))
 
 
 @cache

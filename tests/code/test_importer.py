@@ -132,7 +132,7 @@ def test_a_worker_refuses_code_that_was_edited(project):
 def test_a_worker_runs_what_was_digested_although_it_was_edited(project):
     known, before = sources(project), run(project, sources(project))
     with shared() as (variables, share):
-        share()
+        share([project / "rules/toy/mul.py", project / "rules/toy/deep.py"])
         (project / "rules/toy/deep.py").write_text("F = 5\n")
         assert run(project, known, variables) == before
     assert run(project, known, variables).startswith("DXB-B315")
