@@ -7,6 +7,7 @@ import signal
 import pytest
 
 from tests import documents
+from tests.e2e.conftest import small_project
 
 SOLIDS = """
 '''toy.solids: a solid for every word.'''
@@ -38,8 +39,10 @@ targets: {default: [end]}
 """
 
 
-@pytest.fixture
-def built(space):
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """A built project, which tests only ask."""
+    space = small_project(tmp_path_factory.mktemp("solids"))
     space.write("rules/toy/solids.py", SOLIDS.lstrip())
     space.write("recipes/say/solids.yaml", RECIPE)
     assert space.build("say/solids").code == 0

@@ -8,22 +8,11 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from tests.e2e.conftest import small_project
 from tests.e2e.space import Space
-
-
-@pytest.fixture(scope="module")
-def asked(tmp_path_factory: pytest.TempPathFactory) -> Space:
-    """A built project for all tests that only ask."""
-    return _built(small_project(tmp_path_factory.mktemp("asked")))
 
 
 @pytest.fixture
 def built(space: Space) -> Space:
-    return _built(space)
-
-
-def _built(space: Space) -> Space:
     assert space.build("say/words").code == 0
     return space
 
