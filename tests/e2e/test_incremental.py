@@ -178,7 +178,7 @@ def test_a_check_says_in_a_line_each_what_is_stale_and_why(built, verb):
     assert "may follow   3 nodes" in answer.err
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_check_counts_further_changes_and_tells_what_was_lost(built):
     built.edit("recipes/say/words.yaml", "text: one two}", "text: three, sizes_m: [2.0]}")
     (row,) = built.dxb("plan", "--check", "--json", "say/words").rows

@@ -47,14 +47,14 @@ def test_it_lists_objects_and_backgrounds_with_their_facts(built):
     assert [line.split("\t")[:3] for line in lines] == [[r["kind"], r["name"], r["category"]] for r in found]
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_every_word_of_a_search_must_fit(built):
     thing = next(row for row in rows(built) if row["kind"] == "object")
     assert thing in rows(built, thing["name"], thing["material"].upper())
     assert rows(built, thing["name"], "no_such_word") == []
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_folder_has_an_index_a_page_and_the_files(built, tmp_path):
     answer = built.dxb("library", "-o", str(tmp_path / "lib"))
     assert answer.code == 0, answer.err

@@ -69,7 +69,7 @@ def test_builds_at_once_of_other_targets_both_stay_in_the_history(counts: Space)
         assert counts.dxb("get", f"g:a{number}", "-o", "got").code == 0
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_another_request_lies_beside_the_recipes_own(counts: Space) -> None:
     own = counts.dxb("build", "g:a0")
     other = counts.dxb("build", "g:a0", "--set", "a0.add=5")

@@ -111,7 +111,7 @@ def test_worker_processes_share_the_slots_of_a_service(asking: Space, oracle: Or
     assert "cost:" not in again.err
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_limit_of_costs_holds_over_worker_processes(asking: Space, oracle: Oracle) -> None:
     answer = asking.build("say/ask", "-j", "4", "-k", "--max-cost", "0.07")
     assert answer.code == 1

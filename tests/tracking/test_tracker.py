@@ -168,7 +168,7 @@ def gone(time: float) -> np.ndarray:
     return standing(-0.05 + 0.9 * out, 0.0, 20.0 + 40.0 * (time > 0.8))
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_what_leaves_is_lost_and_found_again_within_a_second():
     made = sequence(gone, 2.4)
     found = run(made)

@@ -69,7 +69,7 @@ def covered(folder: Path, dimming: float) -> tuple[Video, np.ndarray]:
     return films.film(folder / "a.mp4", 60, [disc], hand, dimming)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @pytest.mark.parametrize("dimming", [pytest.param(0.0, marks=pytest.mark.slow), 0.4])
 def test_what_a_hand_hid_shows_again(tmp_path: Path, dimming: float) -> None:
     video, true = covered(tmp_path, dimming)

@@ -143,7 +143,9 @@ def test_pixels_of_the_robot_do_not_count(runner: RuleRunner) -> None:
 
 
 @pytest.mark.medium
-@pytest.mark.parametrize("fault", ["blurred", "dark", "elsewhere"])
+@pytest.mark.parametrize(
+    "fault", [*(pytest.param(each, marks=pytest.mark.slow) for each in ("blurred", "dark")), "elsewhere"]
+)
 def test_what_cannot_be_decided_is_refused_with_evidence(runner: RuleRunner, fault: str) -> None:
     shot = painted.capture(painted.room(seed=7 if fault == "elsewhere" else 0), AWAY)
     pixels = shot.photograph.rgb.pixels

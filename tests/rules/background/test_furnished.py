@@ -87,7 +87,7 @@ def joins(vertices: np.ndarray, faces: np.ndarray) -> int:
     return int((corners.any(axis=0).all(axis=1) & ~corners.all(axis=2).any(axis=0)).sum())
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_no_triangle_joins_surfaces_that_are_apart(built: tuple[Capture, Support, Background]) -> None:
     capture, table, made = built
     pose = table.camera_pose.matrix

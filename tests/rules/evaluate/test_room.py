@@ -59,7 +59,7 @@ def shown(
     return made.pixels[-LENS.height :, -LENS.width :].astype(int), runner
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_object_stands_before_a_far_wall_and_behind_a_near_one(tmp_path: Path, twin: Scene) -> None:
     blue = 255 * np.array([0.1, 0.2, 0.9])
     far, runner = shown(tmp_path, twin, wall(4.0))

@@ -59,7 +59,14 @@ def test_neither_threads_nor_the_global_generator_matter(tmp_path: Path) -> None
 
 
 @pytest.mark.medium
-@pytest.mark.parametrize("more", [{"jitter": 0.02}, {"average": 0.9}, {"inputs": ("joints", "rgb"), "steps": 12}])
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"jitter": 0.02},
+        pytest.param({"average": 0.9}, marks=pytest.mark.slow),
+        pytest.param({"inputs": ("joints", "rgb"), "steps": 12}, marks=pytest.mark.slow),
+    ],
+)
 def test_a_training_that_was_killed_ends_with_the_same_bytes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: dict[str, Any]
 ) -> None:

@@ -80,7 +80,7 @@ def test_an_error_of_the_calibration_moves_all_poses(environment):
     assert np.linalg.norm(told[:3, 3] - true) > 0.006
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_what_was_seen_arrives_late(environment):
     policy, episode, _ = pushed(environment, cells.cell(delay_s=0.2))
     late, true = np.array(policy.joints), episode.displacement[:, 0]
@@ -88,7 +88,7 @@ def test_what_was_seen_arrives_late(environment):
     assert np.abs(late - true).max() > 0.1
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_frames_come_at_the_rate_of_the_camera(environment):
     policy, episode, sighting = pushed(environment, cells.cell(rate_hz=5.0))
     steps = len(episode.action)

@@ -191,7 +191,7 @@ def test_poses_of_the_picture_before_are_told(tmp_path: Path) -> None:
     refused(tmp_path, shifted, "each picture has the pose of one picture later|one picture earlier")
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_moved_picture_and_a_dark_one_are_left_out_by_name(tmp_path: Path) -> None:
     views, truth = boards.taken(boards.MARKER, count=9)
     assert views.effectors is not None

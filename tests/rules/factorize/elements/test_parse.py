@@ -112,7 +112,7 @@ def test_what_reaches_out_of_the_image_is_static(runner):
     assert {element.category for element in found if not element.interactive} == {"room", "support"}
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_what_stands_on_furniture_is_found(runner):
     """A step along the back of the table is too wide for an object, and carries two."""
     scene = tabletops.tabletop(

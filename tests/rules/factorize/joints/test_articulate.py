@@ -130,7 +130,7 @@ def test_texture_coordinates_survive_the_cut(runner):
     assert areas[~kept].sum() > 0.0
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_line_and_the_picture_tell_the_hinge(runner):
     hinged(runner, np.radians(108.0))
     assert runner.outcome.line == "1 hinge, 0-131 deg, at 108 deg"

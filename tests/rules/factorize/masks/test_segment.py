@@ -29,7 +29,7 @@ def segmented(runner, capture, profile: str = "cpu"):
     return runner.run("factorize.segment", profile=profile, **chosen)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_regions_of_the_elements_are_not_found_again(runner, monkeypatch):
     scene = tabletops.tabletop((tabletops.box(0.08, 0.08, 0.1, RED), factories.pose(-0.1)))
     given = {**factories.shot(scene.capture), "support": runner.run("align.support", **factories.shot(scene.capture))}
@@ -78,7 +78,7 @@ def test_a_bowl_keeps_its_floor(runner):
     assert scores(found, scene.labels.labels)[0] > 0.9
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_stack_is_split_at_its_creases(runner):
     scene = tabletops.tabletop(
         (tabletops.box(0.2, 0.14, 0.06, RED), factories.pose(0.0, 0.0, yaw=0.2)),

@@ -58,7 +58,7 @@ def test_a_body_of_few_pixels_is_no_smear(tmp_path):
     assert len(found.names) == 1
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_if_nothing_can_become_a_body_each_reason_is_told(tmp_path):
     scene = tabletops.tabletop((tabletops.box(0.1, 0.1, 0.002, (0.8, 0.2, 0.2)), factories.pose()), lens=tabletops.FINE)
     with pytest.raises(RuleError, match="no segmented object yields a valid body") as caught:

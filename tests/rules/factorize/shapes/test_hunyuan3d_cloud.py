@@ -136,7 +136,7 @@ def test_options_reach_the_service(complete, service):
     assert "FaceCount" not in told
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "faults",
     [
@@ -193,7 +193,7 @@ def test_a_wrong_or_missing_secret(complete, service, monkeypatch, name):
     assert service.submitted == []
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_job_of_an_earlier_build_is_waited_for(complete, service):
     service.faults = {"Query": ["InternalError"] * 4}
     with pytest.raises(MachineError):

@@ -139,7 +139,7 @@ def test_a_hole_and_a_gap_of_the_mask_and_lost_depth(tmp_path: Path) -> None:
     assert distance(found, body) < 0.004
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_what_something_nearer_hides_is_filled(tmp_path: Path) -> None:
     body = synthetic.placed(lumps(), 0.0, 0.0, 0)
     post = solids.box((0.016, 0.016, 0.2), (0.0, -0.15, 0.1))

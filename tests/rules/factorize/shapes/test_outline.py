@@ -34,7 +34,7 @@ def test_another_body_explains_less():
     assert right > wrong + 0.2
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_occluded_pixels_do_not_count():
     bracket = object_views.bracket()
     mask, occluder = seen(bracket, 20.0)
