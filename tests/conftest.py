@@ -44,8 +44,9 @@ gc.disable()
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtestloop() -> None:
-    """Begin to collect garbage, of what tests leave."""
+    """Begin to collect garbage, of what tests leave, a third as often as Python does."""
     gc.freeze()
+    gc.set_threshold(2000, 10, 10)
     gc.enable()
 
 
