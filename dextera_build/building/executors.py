@@ -71,7 +71,7 @@ def local(project: Project, *, idle: bool = False, warm: bool = False) -> Iterat
             workers.warm()
 
         def ready(rules: Sequence[RuleFacts]) -> Executor:
-            share()
+            share(project.library.code.files())
             if not idle and any(rule.gpus or rule.gpu_gb for rule in rules):
                 workers.capacity = project.capacity(gpus=True)
             return workers

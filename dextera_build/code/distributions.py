@@ -6,6 +6,7 @@ import inspect
 import os
 import re
 import sys
+import time
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
@@ -13,7 +14,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dextera_build.store import signature
+
 if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
     from dextera_build.store.signature import Watch
 
 RUNTIME = {
@@ -117,6 +122,35 @@ def metadata_files(folder: str, names: Iterable[str]) -> Iterator[str]:
             path = os.path.join(folder, name)
             files = _METADATA[os.path.splitext(name)[1]]
             yield from (f"{path}{os.sep}{file}" for file in files) if os.path.isdir(path) else (path,)
+
+
+def entry_points(group: str) -> tuple[EntryPoint, ...]:
+    """Entry points of a group of installed distributions, read again only where their files may have changed."""
+    began_ns, state = time.time_ns(), tuple(_entry_files())
+    if all(seen is None or signature.is_proof(seen, began_ns) for _, seen in state):
+        return _entry_points(group, state)
+    return _entry_points.__wrapped__(group, state)
+
+
+@lru_cache(maxsize=8)
+def _entry_points(group: str, state: tuple[tuple[str, signature.Signature | None], ...]) -> tuple[EntryPoint, ...]:
+    import importlib.metadata  # slow to import, and not every command needs rules
+
+    return tuple(importlib.metadata.entry_points(group=group))
+
+
+def _entry_files() -> Iterator[tuple[str, signature.Signature | None]]:
+    """Files, existing or not, that hold the entry points of distributions, in the order of the search."""
+    for entry in sys.path:
+        folder = entry or os.getcwd()
+        try:
+            names = [name for name in os.listdir(folder) if name.endswith(_ENDINGS)]
+        except OSError:  # an archive, or none
+            yield folder, signature.look(folder)
+            continue
+        for name in sorted(names):
+            path = os.path.join(folder, name, "entry_points.txt")
+            yield path, signature.look(path)
 
 
 def note_packages(watch: Watch, *, doubts: bool = False) -> None:

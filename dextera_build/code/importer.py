@@ -10,9 +10,11 @@ import linecache
 import os
 import re
 import sys
+import time
 import traceback
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache
 from importlib import invalidate_caches
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from pathlib import Path
@@ -24,6 +26,7 @@ from dextera_build.code.code_digest import module_of
 from dextera_build.code.modules import DXB, PACKAGE, digest_of, earlier, find_top, forget_changed, is_first_party, read
 from dextera_build.code.syntax import too_deep
 from dextera_build.errors import DxbError, MachineError, Place, RecipeError, RuleError
+from dextera_build.store import signature
 
 _ROOMS = ("artifacts", "formats", "gaussians", "geometry", "learning", "policy", "previews", "sim", "tracking")
 _DIGESTED = tuple(f"{DXB}.{name}" for name in _ROOMS)
@@ -48,6 +51,8 @@ class Importer:
         """Module -> digest of its source; "" for one that has none: missing, or a package without `__init__.py`."""
         self._origins: dict[str, tuple[Sequence[str] | None, str]] = {}
         """Module -> the folders that were searched for it, None for the search path, and the file found there."""
+        self._found_in: dict[str, tuple[tuple[str, signature.Signature | None], ...]] = {}
+        """Module -> signatures of folders that prove later that an import finds the same file."""
         self._edited: RuleError | None = None
 
     def find_spec(
@@ -126,19 +131,30 @@ class Importer:
     def forget_changed(self) -> None:
         """Forget all loaded modules if a source file changed, appeared or vanished."""
         invalidate_caches()  # Python caches the contents of folders on the search path
-        if forget_changed() or any(self._is_elsewhere(name) for name in self._origins):
+        began_ns, look = time.time_ns(), cache(signature.look)
+        if forget_changed() or any(self._is_elsewhere(name, look, began_ns) for name in self._origins):
             for name in self._loaded:
                 sys.modules.pop(name, None)
             self._loaded.clear()
             self._origins.clear()
+            self._found_in.clear()
 
-    def _is_elsewhere(self, name: str) -> bool:
-        """Whether an import would find another file than the loaded one."""
+    def _is_elsewhere(self, name: str, look: Callable[[str], signature.Signature | None], began_ns: int) -> bool:
+        """Whether an import would find another file than the loaded one; searched only if a folder may have changed."""
         path, file = self._origins[name]
         try:
-            return _file(_search(name, path)) != file
+            places = [place or os.getcwd() for place in (sys.path if path is None else path)]
+            # A folder of the module's name may become a package.
+            inside = [os.path.join(place, name.rpartition(".")[2]) for place in places]
+            state = tuple((place, look(place)) for place in (*places, *inside))
+            if self._found_in.get(name) == state:
+                return False
+            is_elsewhere = _file(_search(name, path)) != file
         except KeyError:  # the path of a namespace package, whose parent failed to load
             return True
+        if not is_elsewhere and all(seen is None or signature.is_proof(seen, began_ns) for _, seen in state):
+            self._found_in[name] = state
+        return is_elsewhere
 
     def _refuse(self, file: str) -> RuleError:
         self._edited = RuleError(

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest
 from dextera_build.code.code_digest import RULES, Code, CodeIndex
-from dextera_build.code.distributions import RUNTIME, modules_of, normal, providers, version_of
+from dextera_build.code.distributions import RUNTIME, entry_points, modules_of, normal, providers, version_of
 from dextera_build.code.importer import IMPORTER, install, refused, watched
 from dextera_build.code.machine import Machine
 from dextera_build.code.modules import PACKAGE as PACKAGE
@@ -237,9 +237,7 @@ class Library:
     @cached_property
     def _points(self) -> Sequence[EntryPoint]:
         """Entry points of installed distributions that provide rules."""
-        import importlib.metadata  # slow to import, and not every command needs rules
-
-        return list(importlib.metadata.entry_points(group="dxb.rules"))
+        return entry_points("dxb.rules")
 
     def find(self, path: str, where: Place | None = None) -> RuleFile:
         """The rule called `path`.

@@ -11,7 +11,8 @@ import json
 import os
 import pkgutil
 import sys
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache, lru_cache
@@ -20,6 +21,7 @@ from pathlib import Path
 
 from dextera_build import digest
 from dextera_build.errors import MachineError, Place
+from dextera_build.store import signature
 
 PACKAGE = Path(__file__).parent.parent
 DXB = "dextera_build"
@@ -29,6 +31,8 @@ _BESIDE = {"PIL", "annotated_types", "numpy", "pydantic", "pydantic_core", "typi
 _KNOWN = sys.stdlib_module_names | _BESIDE
 """Top-level modules of Python and of packages that every installation of dxb has."""
 _READ: dict[str, bytes] = {}
+_PROOFS: dict[str, signature.Signature] = {}
+"""Source file -> a signature that it has only as long as it holds what was read."""
 _SHARED = "DEXTERA_SOURCES"
 
 
@@ -41,7 +45,7 @@ def read(file: str | os.PathLike[str]) -> bytes:
     name = os.fspath(file)
     if name not in _READ:
         try:
-            _READ[name] = _bytes(name)
+            _READ[name] = _noted(name)
         except OSError as error:
             raise MachineError(
                 f"a source file cannot be read: {error.strerror}",
@@ -59,16 +63,32 @@ def was_read(name: str) -> bool:
 
 def forget_changed() -> bool:
     """Drop cached sources whose files changed; returns whether there were any."""
-    changed = [name for name, data in _READ.items() if _now(name) != data]
+    changed = [name for name, data in _READ.items() if not _is_proved(name) and _now(name) != data]
     for name in changed:
         del _READ[name]
     return bool(changed)
 
 
+def _is_proved(name: str) -> bool:
+    """Whether a file is as it was read, without reading it."""
+    known = _PROOFS.get(name)
+    return known is not None and signature.look(name) == known
+
+
 def _now(name: str) -> bytes | None:
     with suppress(OSError):
-        return _bytes(name)
+        return _noted(name)
     return None
+
+
+def _noted(name: str) -> bytes:
+    """The bytes of a source file; its signature is kept if it proves later that they are the same."""
+    _PROOFS.pop(name, None)
+    looked_ns, found = time.time_ns(), signature.look(name)
+    data = _bytes(name)
+    if found is not None and signature.is_proof(found, looked_ns):
+        _PROOFS[name] = found
+    return data
 
 
 def _bytes(name: str) -> bytes:
@@ -91,16 +111,16 @@ def on_disk(name: str) -> str:
 
 
 @contextmanager
-def shared() -> Iterator[tuple[dict[str, str], Callable[[], None]]]:
-    """Share the sources read by this process with workers on this machine, for the duration of the block.
+def shared() -> Iterator[tuple[dict[str, str], Callable[[Iterable[Path]], None]]]:
+    """Share sources as this process read them with workers on this machine, for the duration of the block.
 
     Yields:
-        Environment variables for the workers, and a function to call once that shares all sources read so far.
+        Environment variables for the workers, and a function to call once with the files whose sources it shares.
     """
     with os.fdopen(os.memfd_create("sources"), "w") as opened:
 
-        def share() -> None:
-            json.dump({digest_of(data): data.decode("latin-1") for data in _READ.values()}, opened)  # any bytes
+        def share(files: Iterable[Path]) -> None:
+            json.dump({digest_of(data): data.decode("latin-1") for data in map(read, files)}, opened)  # any bytes
             opened.flush()
 
         yield {_SHARED: f"/proc/{os.getpid()}/fd/{opened.fileno()}"}, share

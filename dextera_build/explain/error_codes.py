@@ -6,6 +6,8 @@ import ast
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
 from dextera_build import errors
 from dextera_build.code.loader import PACKAGE, bundled
@@ -24,11 +26,21 @@ class ErrorSite:
 
 def sites(code: str = "DXB-") -> Iterator[ErrorSite]:
     """Every place that makes an error whose code begins with `code`."""
-    own = [file for file in PACKAGE.rglob("*.py") if file.relative_to(PACKAGE).parts[0] not in ("docs", "_bundled")]
-    for file in sorted([*own, *bundled("rules").rglob("*.py")]):
-        text = file.read_text()
+    for text in _texts(PACKAGE, bundled("rules")):
         if code in text:
-            yield from (error for error in _read(ast.parse(text)) if error.code.startswith(code))
+            yield from (error for error in _errors(text) if error.code.startswith(code))
+
+
+@cache
+def _texts(package: Path, rules: Path) -> tuple[str, ...]:
+    """The sources that may make errors, by path."""
+    own = [file for file in package.rglob("*.py") if file.relative_to(package).parts[0] not in ("docs", "_bundled")]
+    return tuple(file.read_text() for file in sorted([*own, *rules.rglob("*.py")]))
+
+
+@cache
+def _errors(text: str) -> tuple[ErrorSite, ...]:
+    return tuple(_read(ast.parse(text)))
 
 
 def section(code: str) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import math
 import pkgutil
 import types
 from collections.abc import Callable, Iterator
@@ -47,7 +48,8 @@ from tests.artifacts import generated_cameras
 from tests.artifacts import generated_scenes as scenes
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
-LABELS = st.from_regex(r"[a-z][a-z0-9_]{0,7}", fullmatch=True)
+_LETTERS = "abcdefghijklmnopqrstuvwxyz"
+LABELS = st.builds(str.__add__, st.sampled_from(_LETTERS), st.text(f"{_LETTERS}0123456789_", max_size=7))
 NUMBERS = st.floats(-1e6, 1e6, allow_nan=False).map(float)
 PLAIN: dict[Any, st.SearchStrategy[Any]] = {
     int: st.integers(-(2**53), 2**53),
@@ -58,6 +60,10 @@ PLAIN: dict[Any, st.SearchStrategy[Any]] = {
     type(None): st.none(),
     Any: st.none() | st.integers() | st.text(max_size=4),
 }
+
+
+EXTREMES = [0.0, -0.0, 1.0, -1.0, 0.1, 1e-40, 1.2e-38, -3.4e38, math.inf, -math.inf, math.nan]
+"""Numbers that a conversion may lose; 1e-40 is subnormal in single precision."""
 
 
 def kinds() -> list[type[Artifact]]:
@@ -77,6 +83,10 @@ def _below(kind: type[Any]) -> Iterator[type[Any]]:
 @st.composite
 def values(draw: Draw, kind: type[BaseModel]) -> Any:
     """A value of an artifact type, or of a `Value`."""
+    return _value(draw, kind)
+
+
+def _value(draw: Draw, kind: type[BaseModel]) -> Any:
     special = SPECIAL.get(kind)
     return kind(**(_fields(draw, kind) if special is None else special(draw)))
 
@@ -228,7 +238,7 @@ def _drawn(draw: Draw, hint: Any, axes: dict[str, int]) -> Any:
     if origin in (tuple, list):
         repeats = origin is list or inner[-1] is Ellipsis
         return tuple(_drawn(draw, part, axes) for part in (inner[:1] * draw(st.integers(0, 3)) if repeats else inner))
-    return draw(values(hint))
+    return _value(draw, hint)
 
 
 def _array(draw: Draw, spec: Array, axes: dict[str, int]) -> np.ndarray:
@@ -237,9 +247,18 @@ def _array(draw: Draw, spec: Array, axes: dict[str, int]) -> np.ndarray:
             return int(axis)
         return draw(st.integers(0, 4)) if axis == "*" else axes.setdefault(axis, draw(st.integers(1, 4)))
 
-    dtype = np.dtype(spec.dtype)
     *axes_named, last = spec.shape.split()
     rest = draw(st.sampled_from([[], ["*"], ["*", "*"]])) if last == "..." else [last]
-    shape = tuple(map(size, (*axes_named, *rest)))
-    options = {"allow_nan": not spec.finite, "allow_infinity": not spec.finite} if dtype.kind == "f" else {}
-    return draw(arrays.arrays(dtype, shape, elements=arrays.from_dtype(dtype, **options)))  # type: ignore[call-overload]
+    return _numbers(draw, np.dtype(spec.dtype), tuple(map(size, (*axes_named, *rest))), finite=spec.finite)
+
+
+def _numbers(draw: Draw, dtype: np.dtype, shape: tuple[int, ...], *, finite: bool) -> np.ndarray:
+    """An array of any bits and of extremes, drawn as bytes: to draw number by number took most of the time."""
+    count = math.prod(shape)
+    which = np.frombuffer(draw(st.binary(min_size=count, max_size=count)), np.uint8)
+    bits = draw(st.binary(min_size=count * dtype.itemsize, max_size=count * dtype.itemsize))
+    if dtype.kind == "b":
+        return (which > 127).reshape(shape)
+    known = np.array(EXTREMES if dtype.kind == "f" else [0, 1, np.iinfo(dtype).min, np.iinfo(dtype).max], dtype)
+    found = np.where(which > 127, known[which % len(known)], np.frombuffer(bits, dtype))
+    return np.where(np.isfinite(found) | (not finite), found, dtype.type(0)).reshape(shape)

@@ -239,7 +239,7 @@ def test_words_that_are_not_known(words, text):
     assert text in done.stderr
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_large_folder_comes_back_whole(tmp_path, monkeypatch):
     monkeypatch.setattr(folder, "FILES", 50)
     monkeypatch.setattr(folder, "PER_FOLDER", 20)

@@ -27,7 +27,7 @@ def test_equal_sides_are_rarely_told_apart_however_long_one_looks():
     assert 0.02 < fewer_trials.error(200) <= ALPHA
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @pytest.mark.parametrize(("rate", "shared"), [(0.5, 0.0), (0.9, 0.0), (0.7, 0.6)])
 def test_stopping_at_the_first_decision_is_rarely_wrong(rng, rate, shared):
     done, used = sequential(*wins(chances(rate, rate, shared), 150, RUNS, rng))

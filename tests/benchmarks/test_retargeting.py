@@ -48,7 +48,7 @@ def test_the_urdf_of_the_peer_has_the_kinematics_of_the_robot(leap: RobotModel) 
         assert data.body("wrist").xpos == pytest.approx(wrist[:3, 3])
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_row_has_a_cell_for_every_measurement(leap: RobotModel) -> None:
     rows = [cells(row) for row in program.rows(leap, "arm", 20.0, None)]
     heads = cells(program.HEAD.splitlines()[0])

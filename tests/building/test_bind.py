@@ -148,7 +148,7 @@ def names(table: bind.Table) -> dict[str, str]:
 LEFT = Binding((14, 20))
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @pytest.mark.parametrize("draft", [LEFT, Binding(properties={"phrase": "mug"})], ids=["point", "phrase"])
 def test_a_proposer_that_renames_breaks_no_task(project, draft):
     assert names(bind.Naming(project, "task/lift").bind("cup", draft)) == {"mug": "cup", "bowl": "bowl"}

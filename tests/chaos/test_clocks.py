@@ -20,7 +20,7 @@ from tests.engine.tiny import Record, call, graph, inline, leaf, out
 YEAR = 365 * 86400
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @pytest.mark.parametrize("stamp_s", [1.0, -10 * YEAR, 10 * YEAR], ids=["1970", "long ago", "years from now"])
 def test_an_edit_is_seen_whatever_time_its_file_has(stamp_s: float, tmp_path: Path) -> None:
     """Promise: a file of equal size and equal time, wrong as it may be, is read again when it was written again."""

@@ -123,7 +123,7 @@ def test_what_was_flushed_is_not_built_again(fate: list[tuple[str, float]]) -> N
         assert record.with_status("ran") == []
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_every_prefix_of_every_file_is_survived(tmp_path: Path) -> None:
     photo = tmp_path / "photo"
     photo.write_bytes(b"pixels")

@@ -77,7 +77,7 @@ def test_byte_code_of_the_same_size_and_time_is_not_run(space: Space) -> None:
     assert answers(space) == ["5", "5", "5"]
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_code_that_is_edited_while_the_build_runs_is_not_run(space: Space) -> None:
     space.write("wait", "")
     building = space.start("build", "g", "--console", "none")

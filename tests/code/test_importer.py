@@ -128,10 +128,11 @@ def test_a_worker_refuses_code_that_was_edited(project):
     assert run(project, known) == f"DXB-B315 {project / 'rules/toy/deep.py'}"
 
 
+@pytest.mark.medium
 def test_a_worker_runs_what_was_digested_although_it_was_edited(project):
     known, before = sources(project), run(project, sources(project))
     with shared() as (variables, share):
-        share()
+        share([project / "rules/toy/mul.py", project / "rules/toy/deep.py"])
         (project / "rules/toy/deep.py").write_text("F = 5\n")
         assert run(project, known, variables) == before
     assert run(project, known, variables).startswith("DXB-B315")
@@ -288,6 +289,7 @@ def test_a_package_that_is_not_on_the_search_path_is_named_with_the_way_there(pr
     assert "or its folder on PYTHONPATH" in caught.value.hint
 
 
+@pytest.mark.medium
 def test_a_worker_searches_where_the_build_does_and_not_in_the_current_folder(project):
     space = Space(project)
     space.write("dxb.toml", 'cache = "cache"\n')

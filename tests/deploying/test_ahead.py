@@ -95,6 +95,7 @@ def sent(rig: Rig, policy: Any, limit_s: float = 3.0) -> tuple[Any, np.ndarray]:
     return rig.drive(policy, limit_s), np.array(found)
 
 
+@pytest.mark.medium
 def test_late_answers_change_nothing_that_is_sent() -> None:
     here, there = Rig(), Rig()
     for rig in (here, there):

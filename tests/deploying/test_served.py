@@ -48,7 +48,7 @@ def moved(rig: Rig, policy: Policy) -> list[np.ndarray]:
     return sent
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_served_policy_drives_as_the_local_one() -> None:
     here, there = Rig(), Rig()
     local = moved(here, policies.load(CHECKPOINT, here.bundle))

@@ -60,11 +60,25 @@ NODES = 12
 
 @pytest.fixture
 def space(tmp_path: Path) -> Space:
-    made = Space(tmp_path)
+    return small_project(tmp_path)
+
+
+def small_project(root: Path) -> Space:
+    """The project of small rules in a folder."""
+    made = Space(root)
     made.write("dxb.toml", 'cache = "cache"\n')
     for name, text in {**RULES, "toy/slow.py": SLOW}.items():
         made.write(f"rules/{name}", text.lstrip())
     made.write("recipes/say/words.yaml", RECIPE)
+    return made
+
+
+@pytest.fixture(scope="session")
+def asked(tmp_path_factory: pytest.TempPathFactory) -> Space:
+    """The project after one build of `say/words`, for all tests that only ask: nothing is edited or built in it."""
+    made = small_project(tmp_path_factory.mktemp("asked"))
+    answer = made.build("say/words")
+    assert answer.code == 0, answer.err
     return made
 
 

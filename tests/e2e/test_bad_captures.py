@@ -99,6 +99,7 @@ def no_object(space: Space) -> None:
     write_capture(space.root / "shot", box=False)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("harm", "words"),
     [

@@ -125,6 +125,7 @@ def test_a_remote_brings_answers_to_a_node_with_another_key(asking: Space, servi
     assert result(asking, "two") == b"A RED MUG"
 
 
+@pytest.mark.medium
 def test_a_bundle_brings_answers(asking: Space, service: Service) -> None:
     assert build(asking, service, DXB_CACHE="one").code == 0
     made = asking.dxb("bundle", "create", "say/seen", "--out", "seen.tar", env={"DXB_CACHE": "one"})
@@ -153,6 +154,7 @@ def test_no_secret_lies_in_the_store(asking: Space, service: Service) -> None:
     assert [path for path in files for word in hidden if word in path.read_bytes()] == []
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("faults", "code", "asked"),
     [
@@ -179,6 +181,7 @@ def test_faults_of_a_service(asking: Space, service: Service, faults: list[str],
         assert len(service.asked) == asked + 1
 
 
+@pytest.mark.medium
 def test_refresh_compares_and_replace_replaces(asking: Space, service: Service) -> None:
     build(asking, service)
     assert [call["how"] for call in calls(build(asking, service, "--calls", "refresh"))] == ["confirmed"]

@@ -68,15 +68,15 @@ def test_rules_and_backends(space: Space) -> None:
 
 
 @pytest.mark.medium
-def test_recipes_nodes_and_runs(built: Space) -> None:
-    assert by_bash(built, "dxb build say/") == ["say/words"]
+def test_recipes_nodes_and_runs(asked: Space) -> None:
+    assert by_bash(asked, "dxb build say/") == ["say/words"]
     # Bash takes what stands before the last colon as a word of its own.
-    assert by_bash(built, "dxb build say/words:st") == ["start"]
-    assert by_bash(built, "dxb why say/words:word[one].loude") == ["word\\[one\\].louder"]
-    assert by_bash(built, "dxb why 'say/words:word[one].loude") == ["say/words:word[one].louder"]
-    assert by_bash(built, "dxb log 0") == ["0001"]
-    assert by_bash(built, "dxb log 0001 al") == ["all"]
-    assert by_bash(built, "dxb ls say/words:al") == ["all"]
+    assert by_bash(asked, "dxb build say/words:st") == ["start"]
+    assert by_bash(asked, "dxb why say/words:word[one].loude") == ["word\\[one\\].louder"]
+    assert by_bash(asked, "dxb why 'say/words:word[one].loude") == ["say/words:word[one].louder"]
+    assert by_bash(asked, "dxb log 0") == ["0001"]
+    assert by_bash(asked, "dxb log 0001 al") == ["all"]
+    assert by_bash(asked, "dxb ls say/words:al") == ["all"]
 
 
 def test_a_broken_project_completes_to_nothing(space: Space) -> None:
@@ -95,6 +95,7 @@ def test_copies_are_those_that_a_verb_which_reads_knows(built: Space) -> None:
     assert copies(built) == {"word\\[one\\]", "word\\[two\\]"}
 
 
+@pytest.mark.medium
 def test_copies_of_the_last_request_are_offered_if_the_recipe_as_it_is_was_never_built(space: Space) -> None:
     assert space.build("say/words", "--set", "start.text=one three").code == 0
     assert copies(space) == {"word\\[one\\]", "word\\[three\\]"}
@@ -104,10 +105,12 @@ def test_a_recipe_that_was_never_built_completes_what_it_declares(space: Space) 
     assert by_bash(space, "dxb build say/words:") == ["default", "start", "words", "word", "all"]
 
 
-def test_a_node_to_force_is_one_of_the_recipe_that_is_built(built: Space) -> None:
-    assert by_bash(built, "dxb build say/words --force st") == ["start"]
+@pytest.mark.medium
+def test_a_node_to_force_is_one_of_the_recipe_that_is_built(asked: Space) -> None:
+    assert by_bash(asked, "dxb build say/words --force st") == ["start"]
 
 
+@pytest.mark.medium
 def test_a_node_that_went_is_no_longer_offered(built: Space) -> None:
     assert by_bash(built, "dxb build say/words:al") == ["all"]
     for old, new in (("  all:", "  every:"), ("[all]", "[every]")):

@@ -88,6 +88,7 @@ def test_a_yes_on_the_terminal_goes_on_and_is_remembered(looking: Space) -> None
     assert looking.dxb("build", "say/look", "--calls", "refresh").code == 0
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("said", ["", "n", "maybe"])
 def test_anything_but_yes_is_no(looking: Space, said: str) -> None:
     code, shown = on_terminal(looking, "build", "say/look:one", answers=[said])

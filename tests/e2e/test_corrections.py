@@ -80,6 +80,7 @@ def test_the_proposed_scene_builds_what_was_built_without_it(space):
     assert again.nodes("ran") == {"parse", "objects"}, again.err
 
 
+@pytest.mark.medium
 def test_an_error_in_the_file_names_its_real_path(unbuilt):
     unbuilt.write("lists/things.yaml", "elements:\n- {name: Red Box}\n")
     answer = unbuilt.build(TARGET, *CAPTURE, "--input", "description=lists/things.yaml")

@@ -6,6 +6,8 @@ import json
 
 import pytest
 
+from tests.e2e.conftest import small_project
+
 PICTURE = '''
 """toy.picture: one colour."""
 import numpy as np
@@ -31,17 +33,22 @@ def rows(answer):
     return [line.split("\t") for line in answer.out.splitlines()]
 
 
-@pytest.fixture
-def twice(space):
+@pytest.fixture(scope="module")
+def twice(tmp_path_factory):
+    """A project that was built before and after an edit, and another recipe; for all tests that only ask."""
+    return built_twice(small_project(tmp_path_factory.mktemp("twice")))
+
+
+def built_twice(space):
     assert space.build("say/words").code == 0
     space.edit("recipes/say/words.yaml", "text: one two", "text: one three")
     assert space.build("say/words").code == 0
+    space.write("recipes/say/other.yaml", "nodes: {a: {rule: toy.start}}\n")
+    assert space.build("say/other").code == 0
     return space
 
 
 def test_a_recipe_alone_compares_its_last_two_runs(twice):
-    twice.write("recipes/say/other.yaml", "nodes: {a: {rule: toy.start}}\n")
-    assert twice.build("say/other").code == 0
     answer = twice.dxb("diff", "say/words")
     assert answer.code == 0
     found = rows(answer)
@@ -104,11 +111,11 @@ def test_a_failed_node_is_told(space):
     assert ["b", "status", "status", "ran -> failed"] in rows(space.dxb("diff", "say/two"))
 
 
-def test_what_was_lost_is_told(twice):
-    shown = twice.dxb("show", "--json", "say/words:all").document
+def test_what_was_lost_is_told(space):
+    shown = built_twice(space).dxb("show", "--json", "say/words:all").document
     for digest in (shown["key"], shown["output"]):
-        (twice.root / "cache" / "cas" / digest[:2] / digest[2:]).unlink()
-    found = rows(twice.dxb("diff", "0001:all", "0002:all"))
+        (space.root / "cache" / "cas" / digest[:2] / digest[2:]).unlink()
+    found = rows(space.dxb("diff", "0001:all", "0002:all"))
     assert [row[:2] for row in found] == [["lost", "key"], ["lost", "output"]]
 
 
@@ -125,8 +132,6 @@ def test_what_was_lost_is_told(twice):
     ],
 )
 def test_what_names_nothing_is_refused(twice, words, code):
-    twice.write("recipes/say/other.yaml", "nodes: {a: {rule: toy.start}}\n")
-    twice.build("say/other")
     answer = twice.dxb("diff", *words)
     assert answer.code == 2
     assert f"error[{code}]" in answer.err

@@ -98,6 +98,7 @@ def quick(space: Space) -> Answer:
     return space.dxb("build", "robot")
 
 
+@pytest.mark.medium
 def test_what_was_read_makes_it_stale_and_why_names_it(robot: Space) -> None:
     assert text(robot) == ["arm", "link", "robots/meshes/a.stl", "no extra.txt"]
     assert "robot is up to date" in quick(robot).err

@@ -53,6 +53,7 @@ def divergent(space):
     return space.dxb("ls", "--json", "divergent").rows
 
 
+@pytest.mark.medium
 def test_an_exact_rule_allows_nothing(dice):
     space = dice()
     assert "same output again" in space.dxb("check", "say/dice:d").out
@@ -122,6 +123,7 @@ class Numbers(Artifact):
 """
 
 
+@pytest.mark.medium
 def test_it_runs_as_in_a_build_whatever_the_environment_of_the_command(space):
     code = """
 import os
@@ -135,6 +137,7 @@ def threads(ctx: Context) -> Numbers:
     assert "same output again" in space.dxb("check", "say/threads:d", env={"OMP_NUM_THREADS": "7"}).out
 
 
+@pytest.mark.medium
 @pytest.mark.skipif(" fma " not in Path("/proc/cpuinfo").read_text(), reason="needs a processor with FMA to do without")
 @pytest.mark.parametrize(("tolerance", "code"), [("1e-12", 0), ("1e-16", 1)])
 def test_a_result_of_another_machine_is_compared_within_the_tolerance(space, tolerance, code):

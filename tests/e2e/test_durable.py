@@ -48,7 +48,7 @@ def test_it_can_be_switched_off(space: Space) -> None:
     assert "settled" not in probed.err
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_lost_stamps_and_local_state_cost_a_look(space: Space) -> None:
     first = space.dxb("build", "say/words")
     for how in (None, lambda data: data[: len(data) // 2], lambda data: bytes(len(data))):

@@ -59,6 +59,7 @@ def test_get_show_and_report_answer_for_the_recipe_as_it_is(here: Here, counts: 
     assert (code, "was never built" in err, "request   a0.add=7-" in err) == (2, True, True)
 
 
+@pytest.mark.medium
 def test_what_was_never_built_as_it_is_is_given_as_it_was_built_last(here: Here) -> None:
     assert here("build", "g:a0", *FIVE)[0] == 0
     told = "`g` as built with a0.add=5; `dxb build g` builds it without\n"
@@ -69,7 +70,7 @@ def test_what_was_never_built_as_it_is_is_given_as_it_was_built_last(here: Here)
     assert Project.find().get("g:a0").data == b"8"
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_failed_build_changes_nothing_that_is_given(here: Here, counts: Space) -> None:
     counts.edit("rules/toy/mul.py", "    return", '    ctx.check(options.add < 9, "too much")\n    return')
     counts.write("recipes/g.yaml", CHAIN)

@@ -131,6 +131,7 @@ def test_secrets_of_dxb_reach_neither_a_log_nor_a_result(space: Space, how: str)
     assert holders(space, answers, "geheim") == []
 
 
+@pytest.mark.medium
 def test_a_secret_that_there_is_not_is_a_clear_error(whispering: Space, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("FORGE_PASS")
     answer = whispering.dxb("build", "say/whisper")

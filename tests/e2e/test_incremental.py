@@ -45,6 +45,7 @@ def test_the_same_text_by_another_way_stops_early(built):
     assert built.build("say/words").nodes("ran") == {"start", "words"}
 
 
+@pytest.mark.medium
 def test_a_renamed_item_rebuilds_nothing_of_the_item(built):
     built.edit("rules/toy/split.py", "word.decode(): File", "'the_' + word.decode(): File")
     again = built.build("say/words")
@@ -73,6 +74,7 @@ def test_a_changed_helper_rebuilds_the_rules_that_import_it(built):
     assert built.build("say/words").nodes("ran") == EVERY - {"start", "words"}
 
 
+@pytest.mark.medium
 def test_a_helper_that_changes_no_bytes_stops_at_once(built):
     built.edit("rules/toy/marks.py", 'b"!" * times', 'b"".join([b"!"] * times)')
     # `loud` gives equal bytes; `louder` runs because its own code changed too, then `all` stays.
@@ -135,10 +137,12 @@ def test_a_new_time_alone_is_no_change_of_an_output_file(built):
     assert not out.parent.with_name("all~").exists()
 
 
+@pytest.mark.medium
 def test_force_runs_one_node(built):
     assert built.build("say/words", "--force", "word[one].loud").nodes("ran") == {"word[one].loud"}
 
 
+@pytest.mark.medium
 def test_check_says_stale_with_its_own_code(built):
     assert built.dxb("build", "--check", "say/words").code == 0
     built.edit("recipes/say/words.yaml", "one two", "one three")
@@ -148,6 +152,7 @@ def test_check_says_stale_with_its_own_code(built):
     assert "hint: `dxb why 'say/words:start'`" in answer.err
 
 
+@pytest.mark.medium
 def test_a_build_that_runs_nothing_keeps_to_its_console(built):
     again = built.build("say/words")
     event = again.events[-1]
@@ -173,6 +178,7 @@ def test_a_check_says_in_a_line_each_what_is_stale_and_why(built, verb):
     assert "may follow   3 nodes" in answer.err
 
 
+@pytest.mark.slow
 def test_a_check_counts_further_changes_and_tells_what_was_lost(built):
     built.edit("recipes/say/words.yaml", "text: one two}", "text: three, sizes_m: [2.0]}")
     (row,) = built.dxb("plan", "--check", "--json", "say/words").rows

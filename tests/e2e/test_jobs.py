@@ -117,7 +117,7 @@ def test_an_answer_is_replayed_without_the_service(forging: Space, service: JobS
     assert len(service.seen) == seen
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_slow_service_has_the_time_to_cancel(forging: Space, service: JobService) -> None:
     service.faults = {"DELETE": ["slow"]}  # longer than a worker without a job gets
     end_while_polling(forging, service, signal.SIGINT)

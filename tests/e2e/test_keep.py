@@ -97,7 +97,9 @@ def test_a_call_whose_worker_was_killed_or_that_failed_goes_on(training, first, 
 
 
 @pytest.mark.medium
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "how", [signal.SIGKILL, *(pytest.param(each, marks=pytest.mark.slow) for each in (signal.SIGINT, signal.SIGTERM))]
+)
 def test_a_build_that_was_ended_goes_on(training, how):
     training.write("recipes/say/train.yaml", RECIPE % "wait")
     process = training.start("build", "say/train", start_new_session=True)
@@ -116,6 +118,7 @@ def test_a_call_that_passes_at_once_leaves_nothing(training):
     assert kept(training) == []
 
 
+@pytest.mark.medium
 def test_another_key_begins_anew(training):
     training.write("recipes/say/train.yaml", RECIPE % "fail")
     assert training.build("say/train").code == 1

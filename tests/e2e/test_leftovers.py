@@ -90,7 +90,7 @@ def test_what_a_killed_build_left_goes_with_the_next_and_what_runs_stays(untidy:
     assert left(untidy) == []
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_killed_watch_leaves_no_more(untidy: Space) -> None:
     watch, folder = start(untidy, "watch", "g")
     child = Path(f"/proc/{watch.pid}/task/{watch.pid}/children").read_text().split()[0]

@@ -47,12 +47,14 @@ def test_it_lists_objects_and_backgrounds_with_their_facts(built):
     assert [line.split("\t")[:3] for line in lines] == [[r["kind"], r["name"], r["category"]] for r in found]
 
 
+@pytest.mark.slow
 def test_every_word_of_a_search_must_fit(built):
     thing = next(row for row in rows(built) if row["kind"] == "object")
     assert thing in rows(built, thing["name"], thing["material"].upper())
     assert rows(built, thing["name"], "no_such_word") == []
 
 
+@pytest.mark.slow
 def test_the_folder_has_an_index_a_page_and_the_files(built, tmp_path):
     answer = built.dxb("library", "-o", str(tmp_path / "lib"))
     assert answer.code == 0, answer.err
@@ -75,7 +77,7 @@ def content(folder: Path) -> dict[str, str]:
     return {path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_same_assets_give_the_same_files(built, tmp_path):
     for name in ("a", "b", "a"):
         written = built.dxb("library", "-o", str(tmp_path / name), "--json").document["files"]

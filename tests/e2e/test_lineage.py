@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from tests.e2e.conftest import small_project
 from tests.e2e.space import Space
 
 PHOTO = '''
@@ -53,8 +54,18 @@ def sha(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+@pytest.fixture(scope="module")
+def told(tmp_path_factory: pytest.TempPathFactory) -> Space:
+    """A built project for all tests that only ask."""
+    return _built(small_project(tmp_path_factory.mktemp("told")))
+
+
 @pytest.fixture
 def seen(space: Space) -> Space:
+    return _built(space)
+
+
+def _built(space: Space) -> Space:
     space.write("rules/toy/photo.py", PHOTO.lstrip())
     space.write("recipes/say/seen.yaml", RECIPE)
     space.write("captures/table/rgb.png", "one two")
@@ -94,8 +105,8 @@ ALL = {
 }
 
 
-def test_every_node_and_file_is_there_once(seen):
-    found = lineage(seen, "say/seen:said")
+def test_every_node_and_file_is_there_once(told):
+    found = lineage(told, "say/seen:said")
     assert reads(found) == ALL
     assert len({node["id"] for node in found["nodes"]}) == len(found["nodes"]) == 8
     nodes = by_name(found)
@@ -116,8 +127,8 @@ def test_every_node_and_file_is_there_once(seen):
     assert nodes["note.txt"]["files"] == {"": sha("soon")}
 
 
-def test_text_is_indented_and_tells_shared_things_once(seen):
-    lines = seen.dxb("show", "--lineage", "say/seen:said").out.splitlines()
+def test_text_is_indented_and_tells_shared_things_once(told):
+    lines = told.dxb("show", "--lineage", "say/seen:said").out.splitlines()
     assert lines[0].startswith("say/seen:said\ttoy.spoken version 1\tquiet\tkey ")
     cells = [line.strip().split("\t") for line in lines]
     assert [cell[0] for cell in cells].count("option gain") == 1
@@ -145,12 +156,12 @@ def test_it_tells_of_the_build_and_not_of_the_recipe_as_it_is_now(seen):
     assert by_name(found)["note.txt"]["files"] == {"": sha("soon")}
 
 
-def test_targets_stand_for_their_nodes(seen):
-    assert by_name(lineage(seen, "say/seen"))["said"]["rule"] == "toy.spoken"
-    assert set(by_name(lineage(seen, "say/seen:early"))) == {"words", "photo", "captures/table"}
-    copies = lineage(seen, "say/seen:word.loud")
+def test_targets_stand_for_their_nodes(told):
+    assert by_name(lineage(told, "say/seen"))["said"]["rule"] == "toy.spoken"
+    assert set(by_name(lineage(told, "say/seen:early"))) == {"words", "photo", "captures/table"}
+    copies = lineage(told, "say/seen:word.loud")
     assert len(copies["roots"]) == 2
-    answer = seen.dxb("show", "--lineage", "say/seen:nothing")
+    answer = told.dxb("show", "--lineage", "say/seen:nothing")
     assert answer.code == 2
     assert "has no node `nothing`" in answer.err
 

@@ -49,6 +49,7 @@ def test_a_locked_build_of_the_same_is_done_also_by_an_empty_store(locked):
     assert locked.dxb("build", "--locked", "say/words").code == 0
 
 
+@pytest.mark.medium
 def test_the_file_is_not_written_where_nothing_changed(locked):
     before = (locked.root / "dxb.lock").stat()
     assert locked.dxb("build", "--lock", "say/words").code == 0
@@ -71,6 +72,7 @@ def test_an_option_upstream_is_named_when_the_target_is_known_to_differ(locked):
     assert again.nodes("ran", "cached") == set()
 
 
+@pytest.mark.medium
 def test_code_is_named(locked):
     locked.edit("rules/toy/join.py", 'b" ".join', 'b"-".join')
     answer = locked.build("--locked", "say/words")
@@ -115,6 +117,7 @@ def test_what_is_not_pinned_is_refused_before_anything_runs(locked):
     assert answer.nodes("ran", "cached") == set()
 
 
+@pytest.mark.medium
 def test_a_copy_that_is_gone_is_refused_and_loses_its_pin(space):
     assert space.dxb("build", "--lock", "say/words:word.loud").code == 0
     assert set(pins(space)) == {"say/words:word[one].loud", "say/words:word[two].loud"}
@@ -158,6 +161,7 @@ def test_pins_of_recipes_that_are_gone_are_dropped_with_a_notice(locked):
     assert set(pins(locked)) == {"say/other:a"}
 
 
+@pytest.mark.medium
 def test_profiles_have_pins_of_their_own(locked):
     assert locked.dxb("build", "--locked", "--profile", "stub", "say/words").code == 3
     assert locked.dxb("build", "--lock", "--profile", "stub", "say/words").code == 0
@@ -197,6 +201,7 @@ def test_a_build_of_given_inputs_is_pinned_with_lock_alone(space):
     assert pins(space) != before
 
 
+@pytest.mark.medium
 def test_a_merge_conflict_stops_the_build_and_is_left_as_it_is(locked):
     path = locked.root / "dxb.lock"
     path.write_text("<<<<<<< ours\n" + path.read_text())

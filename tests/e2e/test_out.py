@@ -59,7 +59,7 @@ def test_equal_builds_at_once_after_an_edit_succeed(counts: Space) -> None:
     assert not list(counts.root.glob("cache/out/**/*~*"))
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_builds_at_once_of_other_targets_both_stay_in_the_history(counts: Space) -> None:
     running = [counts.start("build", f"g:a{number}", "--console", "none") for number in range(4)]
     for process in running:
@@ -69,7 +69,7 @@ def test_builds_at_once_of_other_targets_both_stay_in_the_history(counts: Space)
         assert counts.dxb("get", f"g:a{number}", "-o", "got").code == 0
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_another_request_lies_beside_the_recipes_own(counts: Space) -> None:
     own = counts.dxb("build", "g:a0")
     other = counts.dxb("build", "g:a0", "--set", "a0.add=5")
@@ -97,6 +97,7 @@ def test_a_profile_of_the_environment_does_not_hide_what_was_built_with_it(count
     assert counts.dxb("get", "g:a0", "-o", "got", env={"DXB_PROFILE": "gpu"}).code == 2
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("name", ["a0", "more/x"])
 def test_a_change_that_keeps_size_and_time_is_seen(counts: Space, name: str) -> None:
     counts.write("rules/toy/tree.py", TREE.lstrip())

@@ -7,6 +7,7 @@ import signal
 import pytest
 
 from tests import documents
+from tests.e2e.conftest import small_project
 
 SOLIDS = """
 '''toy.solids: a solid for every word.'''
@@ -38,14 +39,17 @@ targets: {default: [end]}
 """
 
 
-@pytest.fixture
-def built(space):
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """A built project, which tests only ask."""
+    space = small_project(tmp_path_factory.mktemp("solids"))
     space.write("rules/toy/solids.py", SOLIDS.lstrip())
     space.write("recipes/say/solids.yaml", RECIPE)
     assert space.build("say/solids").code == 0
     return space
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("suffix", [".glb", ".obj", ".ply", ".stl"])
 def test_a_part_is_written_in_the_format_of_the_suffix(built, suffix):
     trimesh = pytest.importorskip("trimesh")
@@ -91,6 +95,7 @@ def test_a_viewer_prints_its_document_alone(built):
     assert (viewer.returncode, out, err) == (0, "", "press Ctrl-C to stop\n")
 
 
+@pytest.mark.medium
 def test_a_field_that_is_not_there_is_told_with_the_nearest(built):
     answer = built.dxb("get", "say/solids:solids.items.tow", "-o", "two.glb")
     assert answer.code == 1
@@ -99,6 +104,7 @@ def test_a_field_that_is_not_there_is_told_with_the_nearest(built):
     assert "is not an artifact" in built.dxb("show", "say/solids:solids.items.two.faces").err
 
 
+@pytest.mark.medium
 def test_a_plan_is_in_the_order_of_the_build_and_its_numbers_are_numbers(space):
     space.write("recipes/say/backward.yaml", BACKWARD)
     plan = space.dxb("plan", "say/backward", "--json").rows

@@ -34,7 +34,7 @@ def add_nearest(space: Space) -> None:
     space.write("recipes/task/nearest.yaml", blocks("policies", "yaml")[0])
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_adding_and_editing_an_algorithm_makes_its_own_nodes_stale_alone(space: Space) -> None:
     first = planned(space, "task/close_laptop")
     add_nearest(space)

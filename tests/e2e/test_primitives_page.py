@@ -62,7 +62,7 @@ def stale(before: Plan, after: Plan) -> set[str]:
     return {".".join(path) for path in old.keys() | new.keys() if old.get(path) != new.get(path)}
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_adding_and_editing_a_primitive_makes_its_own_nodes_stale_alone(space: Space) -> None:
     first = planned(space, PLACES)
     add_pour(space)
@@ -111,6 +111,7 @@ def test_what_does_not_fit_is_one_clear_error(space: Space, old: str, new: str, 
     assert hint in (caught.value.hint or "")
 
 
+@pytest.mark.medium
 def test_a_primitive_without_a_script_is_one_clear_error(space: Space) -> None:
     add_pour(space)
     (space.root / "rules/primitives/pour/script.py").unlink()

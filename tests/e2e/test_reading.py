@@ -84,6 +84,7 @@ def test_a_plan_is_the_same_whether_there_is_a_store_or_not(here: Space, capsys:
     assert plans[0] == plans[1]
 
 
+@pytest.mark.medium
 def test_an_edited_input_is_explained_from_a_store_that_may_only_be_read(
     sealed: Path, here: Space, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

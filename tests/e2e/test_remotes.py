@@ -103,6 +103,7 @@ def test_a_log_shows_what_was_fetched_and_from_where(space: Space, served: str) 
     assert "built say/words   7 nodes: 7 fetched" in log
 
 
+@pytest.mark.medium
 def test_a_remote_that_is_not_there_costs_a_warning(space: Space) -> None:
     with servers.deaf_port() as port:
         space.write("dxb.toml", f'[remotes]\nlab = {{address = "http://me:geheim@127.0.0.1:{port}/x", mode = "rw"}}\n')
@@ -129,7 +130,7 @@ def test_a_read_only_remote_refuses_and_the_build_goes_on(space: Space) -> None:
     assert uploads(answer) == [(0, 7)]
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_remote_killed_in_the_middle(space: Space) -> None:
     space.write("rules/toy/gate.py", GATE.lstrip())
     last = f"  last: {{rule: toy.gate, text: $all, go: {space.root / 'go'}}}\ntargets:"
@@ -171,7 +172,7 @@ def test_a_remote_killed_in_the_middle(space: Space) -> None:
     assert made == remade
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_a_remote_full_of_damage(space: Space, seed: int) -> None:
     dice = random.Random(seed)
@@ -215,7 +216,7 @@ class Dripping:
             pass
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_server_that_drips_is_left_alone(space: Space) -> None:
     server = Dripping()
     space.write("dxb.toml", f'[remotes]\nlab = {{address = "{server.url}", mode = "rw", timeout_s = 1.0}}\n')
@@ -227,7 +228,7 @@ def test_a_server_that_drips_is_left_alone(space: Space) -> None:
     assert server.served.wait(60)  # whoever connected stands in line until this process has time for it
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_an_interrupt_does_not_wait_for_uploads(space: Space) -> None:
     build = subprocess.Popen(
         [sys.executable, "-m", "dextera_build", "build", "--console", "jsonl", "say/words"],
@@ -252,7 +253,7 @@ def test_an_interrupt_does_not_wait_for_uploads(space: Space) -> None:
     assert space.build("say/words").nodes("ran") == set()
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_several_builds_share_one_remote(space: Space, served: str) -> None:
     space.write("recipes/say/long.yaml", long_recipe(6))
     builds = [

@@ -67,6 +67,7 @@ def test_the_table_of_another_file_is_named(hungry: Space) -> None:
     assert "hint: settings stand here without `tool.dxb`: `[resources]`, not `[tool.dxb.resources]`" in answer.err
 
 
+@pytest.mark.medium
 def test_declared_resources_are_given_out(hungry: Space) -> None:
     hungry.write("dxb.toml", 'cache = "cache"\n[resources]\ngpu = 2\n"licence:solver" = 1\n')
     assert hungry.build("toy/needs", "-k").code == 0
@@ -76,6 +77,7 @@ def test_declared_resources_are_given_out(hungry: Space) -> None:
     assert "resources\tgpu=2,licence:solver=1,memory=3\tenvironment" in shown
 
 
+@pytest.mark.medium
 def test_editing_resources_and_retries_rebuilds_nothing(hungry: Space) -> None:
     assert hungry.build("toy/needs", "--resources", "gpu=2,licence:solver=1").code == 0
     hungry.edit("rules/toy/hungry.py", "gpus=1", "gpus=2, cpus=2, memory_gb=3.0, retries=4")

@@ -100,6 +100,7 @@ def test_nothing_that_a_build_left_holds_a_secret(space: Space, host: str, close
     assert holders(space, answers) == []
 
 
+@pytest.mark.medium
 def test_a_variable_in_an_address_stays_a_variable(space: Space, host: str) -> None:
     space.write("dxb.toml", f'cache = "cache"\n[remotes]\nlab = "http://dxb:${{CACHE_PASSWORD}}@{host}"\n')
     answers = [

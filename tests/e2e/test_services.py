@@ -111,7 +111,7 @@ def test_worker_processes_share_the_slots_of_a_service(asking: Space, oracle: Or
     assert "cost:" not in again.err
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_limit_of_costs_holds_over_worker_processes(asking: Space, oracle: Oracle) -> None:
     answer = asking.build("say/ask", "-j", "4", "-k", "--max-cost", "0.07")
     assert answer.code == 1
@@ -132,6 +132,7 @@ def test_the_report_and_the_log_tell_what_calls_cost(asking: Space, oracle: Orac
     assert "cost: 0.1200 USD for 6 requests to oracle" in asking.dxb("log").err
 
 
+@pytest.mark.medium
 def test_a_service_without_a_price_is_not_asked_under_a_limit(asking: Space, oracle: Oracle) -> None:
     asking.edit("dxb.toml", "usd_per_call = 0.02\n", "")
     answer = asking.build("say/ask:q0", "--max-cost", "1")
@@ -160,7 +161,7 @@ def test_wrong_settings_of_a_service_name_the_file(asking: Space) -> None:
     assert "services" in asking.dxb("show", "--config").out
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_limit_of_costs_holds_over_the_rounds_of_a_watch(asking: Space, oracle: Oracle) -> None:
     asking.write("recipes/say/one.yaml", "nodes:\n  q: {rule: toy.ask, number: 10}\ntargets: {default: [q]}\n")
     watching = Watching(asking, "say/one", "--max-cost", "0.05")

@@ -60,7 +60,7 @@ def test_builds_at_once_in_two_projects_print_paths_that_keep_their_content(pair
         assert [Path(path).read_text() for path in printed] == [f"{turn}!", f"{turn}?"] * 2
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_one_path_on_two_machines_is_two_projects(pair: tuple[Space, Space], as_machine: Callable[[str], None]) -> None:
     made = pair[0]
     placed = {}

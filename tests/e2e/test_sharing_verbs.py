@@ -55,6 +55,7 @@ def test_pull_says_what_is_lacking_and_runs_nothing(space: Space, served: str) -
     assert "`dxb build say/words --set 'word[one].loud.times=4'` builds the missing results" in pulled.err
 
 
+@pytest.mark.medium
 def test_push_says_what_is_not_built(space: Space, served: str) -> None:
     answer = space.dxb("cache", "push", "say/words", "--to", served)
     assert answer.code == 1
@@ -62,7 +63,7 @@ def test_push_says_what_is_not_built(space: Space, served: str) -> None:
     assert "hint: dxb build say/words" in answer.err
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_push_of_results_without_bytes_is_no_success_unless_they_are_there(space: Space, served: str) -> None:
     space.build("say/words")
     space.dxb("cache", "push", "say/words", "--to", served)
@@ -122,6 +123,7 @@ def test_the_configuration_shows_remotes_without_secrets(space: Space) -> None:
     assert rows["use"] == "local:rw,https://***@host:r\tcommand line"
 
 
+@pytest.mark.medium
 def test_a_variable_that_is_not_set(space: Space) -> None:
     space.write("dxb.toml", '[remotes]\nlab = "https://ci:${NOT_SET_HERE}@host/x"\n')
     answer = space.dxb("cache", "pull", "say/words")

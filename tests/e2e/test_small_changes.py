@@ -86,6 +86,7 @@ def output(space: Space, node: str) -> str:
     return (space.root / "cache" / "out" / "two" / node / node).read_text()
 
 
+@pytest.mark.medium
 def test_a_changed_file_runs_what_stands_above_it(built: Space) -> None:
     built.write("two.txt", "new")
     time.sleep(0.05)

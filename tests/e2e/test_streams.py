@@ -62,6 +62,7 @@ def test_results_are_printed_though_nobody_reads_errors(slower: Space) -> None:
     assert answer.out.endswith("slow\tcache/out/slow/slow/slow\n")
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(("to", "why"), [(">&-", "Bad file descriptor"), ("> /dev/full", "No space left on device")])
 def test_results_that_cannot_be_printed_are_no_success(slow: Space, to: str, why: str) -> None:
     for _ in range(3):  # what was built stays; the answer of a snapshot cannot be printed either
@@ -91,7 +92,7 @@ def test_all_streams_closed(slow: Space) -> None:
     assert slow.dxb("cache", "verify").code == 0
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_list_that_is_cut_off_is_mute(slow: Space) -> None:
     slow.dxb("build", "slow")
     answer = shell(slow, "dxb ls rules --json | head -c 1")

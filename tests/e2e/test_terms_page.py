@@ -49,6 +49,7 @@ def test_adding_and_editing_a_term_makes_its_own_nodes_stale_alone(space: Space)
     assert stale(added, planned(space, "task/palm")) == ADDED - {"palm_act"}
 
 
+@pytest.mark.medium
 def test_a_policy_sees_the_term_of_the_page_as_it_was_recorded(space: Space, tmp_path: Path) -> None:
     add_term(space)
     bundle, made_by = gate.bundle(), {"checkpoint": "learn.act", "terms": "terms.palm_to_object"}

@@ -35,40 +35,41 @@ def test_plan_ends_with_a_sum(space):
     assert re.fullmatch(r"2 of 7 nodes would run, 1 may follow, about [0-9.]+ s\n", space.dxb("plan", "say/words").err)
 
 
-def test_get_and_report_answer_in_json(built):
-    (path,) = built.dxb("get", "say/words:all", "--json", "-o", "got").document["files"]
-    assert (built.root / path).is_file()
-    assert (built.root / built.dxb("report", "--json").document["report"]).is_file()
+def test_get_and_report_answer_in_json(asked):
+    (path,) = asked.dxb("get", "say/words:all", "--json", "-o", "got").document["files"]
+    assert (asked.root / path).is_file()
+    assert (asked.root / asked.dxb("report", "--json").document["report"]).is_file()
 
 
-def test_ls(built):
-    assert "say/words\tWords, louder." in built.dxb("ls").out
-    assert "toy.start\tReturn the text." in built.dxb("ls", "rules").out
-    assert "toy.spoken\tcloud\tcloud\tno: no-such-distribution" in built.dxb("ls", "backends").out
-    assert "say/words:word[one].loud\tcached\ttoy.shout\t-\t" in built.dxb("ls", "say/words").out
-    (run,) = built.dxb("ls", "--json", "runs").rows
+@pytest.mark.medium
+def test_ls(asked):
+    assert "say/words\tWords, louder." in asked.dxb("ls").out
+    assert "toy.start\tReturn the text." in asked.dxb("ls", "rules").out
+    assert "toy.spoken\tcloud\tcloud\tno: no-such-distribution" in asked.dxb("ls", "backends").out
+    assert "say/words:word[one].loud\tcached\ttoy.shout\t-\t" in asked.dxb("ls", "say/words").out
+    (run,) = asked.dxb("ls", "--json", "runs").rows
     assert (run["run"], run["recipe"], run["ended"]) == ("0001", "say/words", "done")
 
 
-def test_show_a_node_and_the_configuration(built):
-    shown = built.dxb("show", "--json", "say/words:word[one].loud").document
+def test_show_a_node_and_the_configuration(asked):
+    shown = asked.dxb("show", "--json", "say/words:word[one].loud").document
     assert (shown["rule"], shown["version"], shown["backend"]) == ("toy.shout", 1, None)
     assert shown["type"] == "File"
     assert shown["options"]["times"] == 1
-    config = built.dxb("show", "--config", env={"DXB_JOBS": "3"}).out
+    config = asked.dxb("show", "--config", env={"DXB_JOBS": "3"}).out
     assert "jobs\t3\tenvironment" in config
     assert "cache\tcache\tdxb.toml" in config
     assert "profile\tcpu\tdefault" in config
-    assert "durable\ttrue\tdefault" in built.dxb("show", "--config", env={"DXB_DURABLE": ""}).out
-    config = built.dxb("show", "--config", "--json", env={"DXB_JOBS": "3"}).rows
+    assert "durable\ttrue\tdefault" in asked.dxb("show", "--config", env={"DXB_DURABLE": ""}).out
+    config = asked.dxb("show", "--config", "--json", env={"DXB_JOBS": "3"}).rows
     assert {"setting": "jobs", "value": 3, "origin": "environment"} in config
-    past = {row["node"]: row["run"] for row in built.dxb("show", "--json", "say/words").rows}
+    past = {row["node"]: row["run"] for row in asked.dxb("show", "--json", "say/words").rows}
     assert past["start"] == "0001"
 
 
-def test_get_writes_the_artifact(built):
-    answer = built.dxb("get", "say/words:all", "-o", "there")
-    assert (built.root / answer.out.strip()).read_bytes() == b"ONE!!! TWO!!!"
+def test_get_writes_the_artifact(asked):
+    answer = asked.dxb("get", "say/words:all", "-o", "there")
+    assert (asked.root / answer.out.strip()).read_bytes() == b"ONE!!! TWO!!!"
 
 
 def test_a_node_that_another_recipe_built_can_be_read(space):
@@ -82,12 +83,12 @@ def test_a_node_that_another_recipe_built_can_be_read(space):
     assert (answer.code, answer.out) == (2, "")  # nobody built it
 
 
-def test_get_takes_a_name_with_a_suffix_for_a_file(built):
-    answer = built.dxb("get", "say/words:all", "-o", "there/all.txt")
-    assert (built.root / answer.out.strip()).read_bytes() == b"ONE!!! TWO!!!"
+def test_get_takes_a_name_with_a_suffix_for_a_file(asked):
+    answer = asked.dxb("get", "say/words:all", "-o", "there/all.txt")
+    assert (asked.root / answer.out.strip()).read_bytes() == b"ONE!!! TWO!!!"
     assert answer.out == "there/all.txt\n"
-    assert built.dxb("get", "say/words:all", "-o", "there.v2/").out == "there.v2/all\n"
-    wrong = built.dxb("get", "say/words:words", "-o", "words.usdz")
+    assert asked.dxb("get", "say/words:all", "-o", "there.v2/").out == "there.v2/all\n"
+    wrong = asked.dxb("get", "say/words:words", "-o", "words.usdz")
     assert (wrong.code, wrong.out) == (2, "")
     assert "error[DXB-U220]: Collection cannot be written as `words.usdz`" in wrong.err
 
@@ -98,14 +99,14 @@ def test_get_of_what_was_never_built_says_how(space):
     assert "hint: `dxb build 'say/words:all'`" in answer.err
 
 
-def test_log_of_a_run(built):
-    rows = dict(line.split("\t")[:2] for line in built.dxb("log").out.splitlines())
+def test_log_of_a_run(asked):
+    rows = dict(line.split("\t")[:2] for line in asked.dxb("log").out.splitlines())
     assert rows["start"] == "ran"
-    assert built.dxb("log", "say/nothing").code == 2
+    assert asked.dxb("log", "say/nothing").code == 2
 
 
-def test_report_is_one_file(built):
-    path = built.root / built.dxb("report").out.strip()
+def test_report_is_one_file(asked):
+    path = asked.root / asked.dxb("report").out.strip()
     text = path.read_text()
     assert "say/words" in text
     assert "<script src" not in text
@@ -142,8 +143,8 @@ def test_check_builds_a_node_again_and_compares(built):
     assert "is not deterministic" in answer.err
 
 
-def test_cache_size_counts(built):
-    rows = {line.split("\t")[0]: line.split("\t")[1:] for line in built.dxb("cache", "size").out.splitlines()}
+def test_cache_size_counts(asked):
+    rows = {line.split("\t")[0]: line.split("\t")[1:] for line in asked.dxb("cache", "size").out.splitlines()}
     assert int(rows["actions"][0]) == 7
     assert int(rows["blobs"][1]) > 0
 
@@ -186,8 +187,8 @@ def test_a_variable_that_nothing_reads_is_told_once_a_command(built):
         ("--cache", "local:x", "hint: `local:r` reads from it"),
     ],
 )
-def test_a_wrong_setting_is_refused_where_nothing_has_to_run(built, flag, value, code):
-    answer = built.dxb("build", "say/words", flag, value)
+def test_a_wrong_setting_is_refused_where_nothing_has_to_run(asked, flag, value, code):
+    answer = asked.dxb("build", "say/words", flag, value)
     assert (answer.code, answer.out, code in answer.err) == (2, "", True)
 
 

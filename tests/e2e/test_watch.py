@@ -209,7 +209,7 @@ def test_a_change_during_a_build_is_not_missed(notes, watch):
     assert watching.is_silent(1.0)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_changes_in_quick_order_are_taken_together(notes, watch):
     watching = watch("say/notes")
     watching.round()
@@ -226,6 +226,7 @@ def test_changes_in_quick_order_are_taken_together(notes, watch):
     assert output(notes) == b"one 19"
 
 
+@pytest.mark.medium
 def test_an_interrupt_during_a_build_ends_with_130(notes, watch):
     notes.edit("recipes/say/notes.yaml", "seconds: 0.0", "seconds: 60.0")
     watching = watch("say/notes")

@@ -67,8 +67,8 @@ def test_a_recipe_lists_every_stale_node_with_its_cause(built):
     assert answer.err == "2 nodes of say/words would run, 1 may follow\n"
 
 
-def test_up_to_date(built):
-    answer = built.dxb("why", "say/words:word[one].loud")
+def test_up_to_date(asked):
+    answer = asked.dxb("why", "say/words:word[one].loud")
     assert answer.out.startswith("up to date: key ")
     assert ", since run 0001 (" in answer.out
 
@@ -152,8 +152,8 @@ def test_an_evicted_result_is_told_apart(built):
     assert "the store no longer holds it" in built.dxb("why", "say/words:start").out
 
 
-def test_an_unknown_node_lists_the_known(built):
-    answer = built.dxb("why", "say/words:strat")
+def test_an_unknown_node_lists_the_known(asked):
+    answer = asked.dxb("why", "say/words:strat")
     assert answer.code == 2
     assert "`say/words` has no node `strat`" in answer.err
     assert "did you mean `start`?" in answer.err

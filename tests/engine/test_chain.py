@@ -40,6 +40,7 @@ def test_no_key_document_is_held_while_nodes_wait(store: Store, monkeypatch: pyt
     assert not any(node.document for node in nodes)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("length", [1_200, pytest.param(100_000, marks=[pytest.mark.slow, pytest.mark.timeout(3600)])])
 def test_a_chain_may_be_long(store: Store, tmp_path: Path, length: int) -> None:
     assert length > sys.getrecursionlimit()

@@ -84,6 +84,7 @@ def test_the_archive_is_that_of_davis(tmp_path: Path):
     ]
 
 
+@pytest.mark.medium
 def test_it_is_small():
     """300 frames of 640 x 480 px take 2 % of the bytes of their label maps at most."""
     labels = np.zeros((480, 640), np.uint8)

@@ -39,6 +39,7 @@ def shown(frame: np.ndarray) -> int:
     return int(np.argmax(np.convolve(frame[..., 0].mean(axis=0), np.ones(4), "valid")))
 
 
+@pytest.mark.medium
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(numbers=st.lists(st.integers(0, COUNT - 1), max_size=8))
 def test_frames_come_in_the_order_asked_for(video: Video, numbers: list[int]) -> None:

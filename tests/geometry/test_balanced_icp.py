@@ -88,7 +88,7 @@ def test_few_points_are_refused() -> None:
         balanced_icp.correct([{"arm": Surface(nothing, nothing, np.zeros(3, int), nothing)}])
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @pytest.mark.parametrize("faults", [Faults(joint_rad=0.002, encoder_rad=0.002), Faults(encoder_rad=0.003)])
 def test_the_stated_covariance_is_honest(faults: Faults) -> None:
     """The benchmark has 300 draws; here the bounds are those of 24."""

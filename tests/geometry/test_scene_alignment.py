@@ -182,6 +182,7 @@ CLEAN = Weights(rgb=300.0, ssim=3.0, pixel=1.0, depth=0.4)
 """For pictures without noise, in which colours tell more than twelve points."""
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("light", [SAME, Exposure(np.array([0.7, 0.75, 0.6]), np.array([0.05, 0.1, 0.02]))])
 def test_all_terms_find_theta_whatever_the_exposure(light):
     """Trap 21: the exposure is a nuisance that is solved for, so it does not move the camera."""

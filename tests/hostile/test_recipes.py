@@ -138,7 +138,7 @@ def test_a_circle_of_bases_is_refused(project, dxb):
     assert "extends: x -> y -> x" in said
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_recipes_that_use_one_another_tenfold_are_refused(project, dxb):
     """Twelve files of ten lines each stand for 10^12 nodes."""
     project.write("recipes/many/0.yaml", nodes(""))

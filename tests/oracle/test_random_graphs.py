@@ -118,7 +118,7 @@ def test_the_first_failure_stops_what_has_not_begun(seed: int, tmp_path: Path) -
     assert len(record.of(NodeStarted)) == len(record.with_status("ran")) + len(failed)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_pool_runs_exactly_the_stale_nodes_too(tmp_path: Path) -> None:
     with LocalExecutor(RUNNER, Capacity(3, 4.0)) as pool:
         for seed in range(100, 112):

@@ -69,7 +69,7 @@ def test_a_module_that_a_program_imports_is_part_of_it_though_nobody_declared_it
     assert "later looking" in space.dxb("log", "say/tint", "out").out
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_byte_code_of_the_same_size_and_time_is_no_part_of_a_program(space, toy, monkeypatch):
     monkeypatch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
     toy.program("from tint_helper import WORD\n" + ECHO.replace('"looking', 'WORD, "looking'))
@@ -89,6 +89,7 @@ def test_an_error_shows_what_the_program_printed_last(space, toy):
     assert "OSError: no camera" in failed.err
 
 
+@pytest.mark.medium
 def test_a_declared_copy_of_the_programs_side_is_the_one_that_counts(space, toy):
     toy.program(ECHO, files=("dxb_backend.py",))
     assert "the file `dxb_backend.py` of the program" in space.dxb("build", "say/tint").err
@@ -122,6 +123,7 @@ def test_an_environment_with_a_lock_file_is_made_from_it(space, toy):
     assert "hint: `python -m venv .envs/tint && .envs/tint/bin/pip install -r envs/tint.lock`\n" in refused.err
 
 
+@pytest.mark.medium
 def test_a_virtual_environment_is_used_and_its_lock_file_enters_the_key(space, toy, capfd):
     python = toy.root / ".envs" / "tint" / "bin" / "python"
     python.parent.mkdir(parents=True)
@@ -187,7 +189,7 @@ def test_the_program_ends_with_the_build(space, toy, tmp_path, number, monkeypat
         left.rmdir()
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_program_ends_when_its_worker_is_killed(space, toy, tmp_path, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
     toy.program(WAITING)

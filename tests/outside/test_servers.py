@@ -110,7 +110,7 @@ def test_a_failed_call_ends_it_and_the_next_one_starts_it_again(toy, do, code, w
     assert run(toy, f"pass{guarded}", **words)[1] == 1
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_time_of_a_call_is_limited_not_that_of_the_server(toy):
     for count in range(3):
         assert run(toy, "time.sleep(0.6)", timeout_s=1.5)[1] == count + 1
@@ -132,6 +132,7 @@ def test_a_server_that_is_about_to_end_is_not_asked(toy, monkeypatch):
     assert run(toy)[0] != run(toy)[0]
 
 
+@pytest.mark.medium
 def test_the_response_is_there_until_it_was_read(toy, monkeypatch):
     """The guard of a program that has ended waits for the worker."""
     ask = running.Running.ask
@@ -160,6 +161,7 @@ targets: {default: [one, two]}
 """
 
 
+@pytest.mark.medium
 def test_a_worker_keeps_it_for_its_next_nodes_and_it_ends_with_the_build(toy, tmp_path, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
     space = Space(toy.root)

@@ -93,6 +93,7 @@ def call(space, node, **request):
     return dict(graph.calls())["t",]
 
 
+@pytest.mark.medium
 def test_options_of_the_chosen_backend_are_complete_and_in_the_key(toned):
     assert call(toned, "").options == {"end": ".", "loud": {"times": 1}}
     assert call(toned, ", loud: {times: 3}").options == {"end": ".", "loud": {"times": 3}}

@@ -109,6 +109,7 @@ def speak(ctx, text):
     assert (voiced.root / "loads").read_text() == "cpu cpu "  # the other weights made the nodes stale
 
 
+@pytest.mark.medium
 def test_other_weights_make_their_nodes_stale_and_no_others(voiced):
     voiced.settings["DXB_ACCEPT_LICENCES"] = "voice"
     voiced.write("a/voice.txt", "!")
@@ -139,6 +140,7 @@ def test_weights_of_another_version_than_described_are_refused(voiced):
     assert voiced.dxb("models", "verify").out == ""
 
 
+@pytest.mark.medium
 def test_damage_is_found_and_a_file_that_is_gone_counts_as_missing(voiced):
     voiced.settings["DXB_ACCEPT_LICENCES"] = "voice"
     voiced.write("voice.txt", "!")

@@ -81,7 +81,7 @@ def inputs_of(address: str, folder: Path) -> dict[str, str]:
 
 @pytest.mark.medium
 @pytest.mark.parametrize("address", [address for address in RECIPES if address not in ALIKE])
-@pytest.mark.parametrize("profile", ["stub", "cpu"])
+@pytest.mark.parametrize("profile", [pytest.param("stub", marks=pytest.mark.slow), "cpu"])
 def test_it_resolves(address, profile, tmp_path):
     needed = [name for name in DATA.get(address, ()) if profile == "cpu" and version_of(name) is None]
     if needed:

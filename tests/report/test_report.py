@@ -123,6 +123,7 @@ def test_the_picture_at_the_top_is_the_image_among_the_results(tmp_path: Path) -
     assert int(first["width"]) == 960
 
 
+@pytest.mark.medium
 def test_cached_nodes_keep_their_pictures_lines_and_numbers(tmp_path: Path) -> None:
     text, page = make(tmp_path, "cached")
     cold, _ = make(tmp_path, "cold")
@@ -233,7 +234,7 @@ def test_a_blob_that_is_no_picture_is_left_out(tmp_path: Path, monkeypatch: pyte
     assert Page(report.build(events, store, tmp_path / "r.html").read_text()).all("img") == []
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_limit_is_kept_by_coarser_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     full = len(make(tmp_path)[0].encode())
     monkeypatch.setattr(report, "LIMIT", full * 2 // 3)

@@ -53,7 +53,7 @@ def test_no_line_of_the_result_is_lost_and_none_is_cut() -> None:
     assert not re.search(r"\.outcome[^{]*\{[^}]*max-height", style)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_picture_has_a_link_to_the_page_in_3d_if_there_is_one(tmp_path: Path) -> None:
     events, store = fabricate()
     without = report.build(events, store, tmp_path / "a.html").read_text()

@@ -100,6 +100,7 @@ def test_a_hand_on_an_arm_begins_where_the_chain_branches():
     assert made.frames["tip_thumb"].confidence == "likely"
 
 
+@pytest.mark.medium
 def test_two_arms_have_a_side_each():
     found, root = source()
     for side in ("left_", "right_"):
@@ -127,6 +128,7 @@ def test_wheels_and_a_head_are_no_part_of_the_arm():
     assert "lift" in made.home
 
 
+@pytest.mark.medium
 def test_legs_are_no_arms():
     found, root = source()
     for side in ("left", "right"):
@@ -174,6 +176,7 @@ def test_a_linkage_that_one_joint_moves_is_a_gripper_of_its_two_longest_chains()
     assert links(made) == {"palm": "palm", "flange": "link7", "tip_left": "left_1", "tip_right": "right_1"}
 
 
+@pytest.mark.medium
 def test_one_moving_finger_is_a_jaw_if_its_name_says_so():
     for name, hand in (("gripper", True), ("link8", False)):
         found, root = source()

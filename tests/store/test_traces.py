@@ -100,7 +100,7 @@ def test_what_is_lost_or_damaged_is_a_miss_and_comes_back(program: int, rounds: 
             victim.unlink()
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 50), st.lists(_WORLDS, min_size=1, max_size=5), st.lists(_WORLDS, min_size=1, max_size=5))
 def test_two_stores_that_give_all_to_one_another_find_the_same(

@@ -94,7 +94,7 @@ def test_leaving_the_loop_stops_the_reading():
     assert stopped.wait(5.0)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_sliding_box_is_followed_in_real_time():
     """Ten frames a second of a real tracker; the delay is that of its work."""
     box = things.carton((0.10, 0.07, 0.14), 3)

@@ -58,6 +58,7 @@ def off(found: Tracked, pose: np.ndarray) -> float:
     return float(np.linalg.norm(found.pose[:3, 3] - pose[:3, 3]))
 
 
+@pytest.mark.medium
 def test_a_moving_box_is_tracked_with_a_covariance_that_covers_its_error():
     made = sequence(sliding, 1.2)
     found = run(made)
@@ -92,6 +93,7 @@ def hand_before(time: float) -> np.ndarray:
     return transforms.rigid(np.eye(3), np.array([-0.22 + 0.17 * share, -0.10, 0.10])) @ turn
 
 
+@pytest.mark.medium
 def test_a_hand_hides_points_and_does_not_pull_them():
     """The plain registration to all that is near follows the hand."""
     hand = Actor({"base": things.hand()}, hand_before, tracked=False)
@@ -144,6 +146,7 @@ def carried_box() -> tuple[Sequence, list[RgbdFrame]]:
     return made, [frame for frame, _ in frames(made)]
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("knows", [True, False])
 def test_what_a_hand_carries_is_where_the_hand_is(knows):
     made, film = carried_box()
@@ -165,7 +168,7 @@ def gone(time: float) -> np.ndarray:
     return standing(-0.05 + 0.9 * out, 0.0, 20.0 + 40.0 * (time > 0.8))
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_what_leaves_is_lost_and_found_again_within_a_second():
     made = sequence(gone, 2.4)
     found = run(made)
@@ -196,7 +199,7 @@ def test_what_stands_does_not_creep_and_its_noise_is_averaged():
     assert places[30:].std(axis=0).max() < 0.5 * np.array(fresh).std(axis=0).max()
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_an_object_that_is_taken_away_is_not_said_to_be_tracked():
     """The table behind it contradicts the pose: the fit alone, whose residual is small, does not tell."""
     made = sequence(lambda time: standing(0.0 if time < 0.25 else 3.0, 0.0, 20), 1.0)
@@ -244,6 +247,7 @@ def _frame(film: RgbdFrame) -> judge.Frame:
     return judge.Frame(film.rgb, film.depth, K, film.stamp)
 
 
+@pytest.mark.medium
 def test_the_camera_moves_and_what_stands_is_followed():
     made = sequence(lambda time: standing(0.0, 0.0, 20), 1.2)
     moving = replace(made, camera=lambda time: before(heading_deg=20 * time, distance=0.75 + 0.1 * time))
@@ -252,7 +256,7 @@ def test_the_camera_moves_and_what_stands_is_followed():
     assert max(off(each["box"], truth(moving, i / 10)) for i, each in enumerate(found)) < 0.004
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_lid_is_tracked_with_its_box():
     links, joints = things.chest()
     opening = [np.radians(60) * min(i / 8, 1.0) for i in range(12)]

@@ -189,6 +189,7 @@ def test_a_worker_that_was_started_early_takes_the_first_task(store: Store, pool
     assert pool.pids() == first
 
 
+@pytest.mark.medium
 def test_a_task_goes_to_the_worker_that_is_free_first(store: Store, tmp_path: Path) -> None:
     slow = tmp_path / "slow"
     with LocalExecutor("tests.workers.test_pool:run_task", Capacity(2, 4.0), {"TINY_SLOW": str(slow)}) as pool:

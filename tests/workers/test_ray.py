@@ -193,6 +193,7 @@ def test_a_call_does_not_wait_for_machines_that_are_gone(pool: RayExecutor, here
     assert (error.code, error.message) == ("DXB-E354", "no machine of the cluster is left")
 
 
+@pytest.mark.medium
 def test_bytes_that_the_node_damaged_are_fetched_again(pool: RayExecutor, store: Store, tmp_path: Path) -> None:
     plan = graph(call("a", "blob"))
     assert build_graph(plan, plan.targets["default"], store=store, executor=pool, listen=Record()).ok

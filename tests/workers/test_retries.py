@@ -142,7 +142,7 @@ def test_names_are_those_that_a_rule_would_write() -> None:
     assert name_of(Flaky(ValueError(), 1).__class__) == f"{Flaky.__module__}.Flaky"  # type: ignore[arg-type]
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_another_build_may_make_what_rests(store: Store) -> None:
     """The lock of the key is free during the rest: a result that comes from elsewhere meanwhile is taken."""
     plan = shaky(Retries(1, ("ConnectionError",), 4.0))

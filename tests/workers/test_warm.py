@@ -121,7 +121,7 @@ def test_the_pool_keeps_models_apart_from_other_work_and_comes_back_to_them() ->
     assert last == first
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_an_idle_model_gives_way_to_a_task_that_needs_its_memory() -> None:
     with LocalExecutor(RUNNER, Capacity(1, 0.5)) as pool:
         first, other = answers(pool, task("a", bytes_=300 << 20), task(memory_gb=0.4))
@@ -129,6 +129,7 @@ def test_an_idle_model_gives_way_to_a_task_that_needs_its_memory() -> None:
         assert [str(pid) for pid in pool.pids()] == [other]
 
 
+@pytest.mark.medium
 def test_an_idle_model_leaves_after_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(warm, "IDLE_S", 0.2)
     with LocalExecutor(RUNNER, Capacity(1, 4.0)) as pool:

@@ -100,7 +100,7 @@ def test_a_server_of_any_rule_returns_what_it_was_sent(space, found):
     pytest_of(space)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_what_is_written_is_short_python_that_lacks_nothing(tmp_path):
     for found in with_protocols():
         asked = [

@@ -70,7 +70,7 @@ def test_guesses_are_said_with_their_confidence(space):
     )
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_impossible_inertias_are_repaired_on_request_and_said(space):
     text = ARM.replace('<link name="tool0"/>', TINY).replace('izz="0.001"', 'izz="0.1"')
     put(space.root, dict(arm(text).files))
@@ -122,7 +122,7 @@ def test_a_recipe_that_hides_one_of_dxbs_is_said(space):
     assert "dxb build robot/my_panda, dxb view robot/my_panda" in other.err
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_an_arm_and_a_hand_of_two_files_become_one_robot(space, tmp_path):
     bare = re.sub(r'<joint name="grip.*?</joint>', "", ARM, flags=re.DOTALL)
     bare = re.sub(r'<link name="(left|right)">.*?</link>', "", bare, flags=re.DOTALL)

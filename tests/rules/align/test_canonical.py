@@ -31,7 +31,7 @@ def canonical(runner, mesh, turn=None, **inputs) -> CanonicalFrame:
     return found
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [0, 5, 11, 16, 23])
 def test_a_mug_is_open_upwards_and_its_handle_is_in_front_in_every_frame(runner, number):
     turn = registration.cube_rotations()[number]

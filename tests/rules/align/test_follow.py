@@ -69,6 +69,7 @@ def covered(folder: Path, dimming: float) -> tuple[Video, np.ndarray]:
     return films.film(folder / "a.mp4", 60, [disc], hand, dimming)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dimming", [pytest.param(0.0, marks=pytest.mark.slow), 0.4])
 def test_what_a_hand_hid_shows_again(tmp_path: Path, dimming: float) -> None:
     video, true = covered(tmp_path, dimming)
@@ -149,6 +150,7 @@ def test_a_label_map_that_does_not_fit_is_refused(tmp_path: Path, labels: Any, n
     assert caught.value.hint
 
 
+@pytest.mark.medium
 def test_an_rgbd_video_is_followed_from_a_frame_in_its_middle_in_both_directions(tmp_path: Path) -> None:
     shapes = [films.box(2, BLUE, lambda n: (60.5 + 8.0 * n, 118.5, 3.0 * n))]
     video, true = films.film(tmp_path / "a.mp4", 9, shapes)

@@ -99,6 +99,7 @@ def library_session(first: np.ndarray, video: Any) -> Any:
     return session
 
 
+@pytest.mark.medium
 def test_frames_one_by_one_are_followed_as_a_whole_video_is(backend: ModuleType, weights: Path) -> None:
     tracker, first = backend.load_tracker(weights, "cpu"), truth()[0]
     found = list(backend.answers(tracker, iter(noise()), first))

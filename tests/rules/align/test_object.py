@@ -151,7 +151,7 @@ def test_a_view_without_depth_is_refused(runner):
         align(runner, object_views.body(BOX, TRUTH), blind)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_placement_that_misses_the_mask_is_refused(runner):
     seen = object_views.view(BOX, TRUTH)
     moved = object_views.changed(seen, mask=np.roll(seen.view.mask, 6, axis=1))

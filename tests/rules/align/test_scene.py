@@ -94,6 +94,7 @@ def test_a_scene_of_one_gaussian_for_each_pixel_is_aligned_as_well(runner: RuleR
     assert abs(scale) < 0.005
 
 
+@pytest.mark.medium
 def test_it_does_not_matter_where_the_scene_has_its_origin(runner: RuleRunner) -> None:
     there = transforms.rigid(painted.rotation(np.array([0.3, 1.0, -2.0])), np.array([5.0, -3.0, 1.0]))
     given = scene()
@@ -142,7 +143,9 @@ def test_pixels_of_the_robot_do_not_count(runner: RuleRunner) -> None:
 
 
 @pytest.mark.medium
-@pytest.mark.parametrize("fault", ["blurred", "dark", "elsewhere"])
+@pytest.mark.parametrize(
+    "fault", [*(pytest.param(each, marks=pytest.mark.slow) for each in ("blurred", "dark")), "elsewhere"]
+)
 def test_what_cannot_be_decided_is_refused_with_evidence(runner: RuleRunner, fault: str) -> None:
     shot = painted.capture(painted.room(seed=7 if fault == "elsewhere" else 0), AWAY)
     pixels = shot.photograph.rgb.pixels

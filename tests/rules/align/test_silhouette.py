@@ -34,6 +34,7 @@ def placed(runner, name: str, hidden: np.ndarray | None = None) -> tuple[Placeme
     return found, metrics.chamfer_and_f(points[0], points[1], 0.005)[0]
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("name", ["bracket", "mug", "bowl", "cup"])
 def test_place_turn_and_scale_follow_from_the_mask(runner, name):
     found, chamfer = placed(runner, name)

@@ -46,7 +46,7 @@ def errors(placed: Placement) -> np.ndarray:
     return np.array([*(placed.pose.matrix - TRUTH)[:2, 3], yaw, np.log(placed.scale)])
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_stated_deviations_are_those_of_the_true_errors(runner):
     """Noise of 3 mm, more than the sensor's model says; `guess_scale_sigma` leaves the scale to the data."""
     off = factories.pose(0.024, 0.027, 0.0, 0.63)

@@ -87,6 +87,7 @@ def joins(vertices: np.ndarray, faces: np.ndarray) -> int:
     return int((corners.any(axis=0).all(axis=1) & ~corners.all(axis=2).any(axis=0)).sum())
 
 
+@pytest.mark.slow
 def test_no_triangle_joins_surfaces_that_are_apart(built: tuple[Capture, Support, Background]) -> None:
     capture, table, made = built
     pose = table.camera_pose.matrix
@@ -148,7 +149,7 @@ def test_the_room_is_closed(built: tuple[Capture, Support, Background]) -> None:
     assert (raycast.cast([surface_of(made.mesh), surface_of(made.invented)], rays).index >= 0).all()
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_sides_of_a_thin_table_hide_nothing_that_was_seen(tmp_path: Path) -> None:
     low, high, colour = THINGS["table"]
     floor = ((-3.0, -3.0, -0.9), (3.0, 3.0, -0.8), (90, 90, 95))

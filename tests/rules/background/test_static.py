@@ -78,6 +78,7 @@ def cleaned(tmp_path_factory: pytest.TempPathFactory) -> tuple[Capture, Support,
     return empty, table, mask, build(capture, table, mask, tmp_path_factory.mktemp("s"), static_planes)
 
 
+@pytest.mark.medium
 def test_neither_ghost_nor_shadow_remains(cleaned: tuple[Capture, Support, np.ndarray, Background]) -> None:
     empty, table, mask, background = cleaned
     shadowed, _ = with_box(empty, table)
@@ -217,12 +218,14 @@ def test_nothing_to_take_out_leaves_the_photograph(backend: ModuleType, tmp_path
     assert (result.image.pixels == empty.photograph.rgb.pixels).all()
 
 
+@pytest.mark.medium
 def test_a_hole_as_large_as_the_picture_still_gives_a_surface(tmp_path: Path) -> None:
     empty, table = striped_table()
     result = build(empty, table, np.ones((240, 320), bool), tmp_path, static_planes)
     assert len(result.mesh.faces)
 
 
+@pytest.mark.medium
 def test_beyond_the_supports_edge_the_wall_is_filled_with_wall(tmp_path: Path) -> None:
     empty, table = striped_table()
     points = transforms.apply(table.camera_pose.matrix, cameras.backproject(empty.measured.depth.depth, LENS.matrix()))
@@ -296,6 +299,7 @@ def test_the_robot_is_taken_out_too(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("backend", [static_stub, static_planes])
 def test_what_is_no_object_stays(backend: ModuleType, tmp_path: Path) -> None:
     empty, table = striped_table()
@@ -324,6 +328,7 @@ def test_a_robot_of_another_picture_is_refused(backend: ModuleType, tmp_path: Pa
         )
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("backend", [static_stub, static_planes])
 def test_without_depth_the_support_is_the_surface(backend: ModuleType, tmp_path: Path) -> None:
     empty, table = striped_table()

@@ -68,6 +68,7 @@ def test_nothing_is_painted_where_nothing_is_taken_out(tmp_path: Path, weights: 
     assert np.array_equal(painted.image.pixels, planes.image.pixels)
 
 
+@pytest.mark.slow
 def test_a_hole_smaller_than_a_cell_is_painted(weights: Path) -> None:
     pixels, taken = np.full((64, 64, 3), 120, np.uint8), np.zeros((64, 64), bool)
     taken[17:19, 17:19] = True

@@ -77,6 +77,7 @@ def test_a_depth_of_8_bit_is_called_so(tmp_path, scene):
     assert "with 16 bit" in (caught.value.hint or "")
 
 
+@pytest.mark.medium
 def test_8_bit_is_told_at_any_step_and_also_in_16_bit(tmp_path, scene):
     metres = np.clip(scene.capture.measured.depth.depth, 0, 0.89)
     assert any("has 8 bit" in text for text in warnings(tmp_path, scene, (metres / 0.0035).astype(np.uint8), 0.0035))

@@ -50,6 +50,7 @@ def separate(path: Path, joints: Joints) -> Stream:
     return mcap.record(path / "states.mcap", joints={"/joint_states": joints})
 
 
+@pytest.mark.medium
 def test_each_rest_is_a_view_with_its_joints(stream, robot, tmp_path):
     runner = RuleRunner(tmp_path)
     found = runner.run("capture.recorded_views", stream=stream, robot=robot)
@@ -180,6 +181,7 @@ def test_one_posture_is_flagged(camera_only, tmp_path):
     assert any("one pose only" in each for each in runner.outcome.warnings)
 
 
+@pytest.mark.medium
 def test_several_cameras_come_out_of_one_recording(tmp_path, robot):
     other = CAMERA.model_copy(update={"fx": 80.0, "fy": 80.0})
     stream = recording(tmp_path / "two.mcap", states(), {"/wrist": other})

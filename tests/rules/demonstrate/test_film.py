@@ -88,6 +88,7 @@ def test_episodes_of_another_model_are_refused(tmp_path: Path) -> None:
     assert "case_lid_hinge" in refused.value.facts["joints"]
 
 
+@pytest.mark.medium
 @given(st.integers(1, 6), st.integers(1, 9), st.integers(1, 9), st.integers(0, 1000))
 def test_packed_frames_come_back(steps: int, height: int, width: int, seed: int) -> None:
     pixels = np.random.default_rng(seed).integers(0, 256, (steps, height, width, 3), np.uint8)

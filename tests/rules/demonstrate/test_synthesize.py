@@ -45,6 +45,7 @@ def synthesised(
     return made, runner
 
 
+@pytest.mark.medium
 def test_episodes_succeed_with_noise_on_what_is_sent_and_none_in_the_label(
     tmp_path: Path, bundle: TaskBundle, sources: Episodes
 ) -> None:

@@ -51,6 +51,7 @@ def untrained() -> Checkpoint:
     return policies.checkpoint(policies.contract(BUNDLE))
 
 
+@pytest.mark.medium
 def test_labels_are_what_the_teacher_would_do_in_the_true_state(tmp_path: Path, teacher: Checkpoint) -> None:
     made = teach(tmp_path, teacher, untrained(), episodes=1, position_m=0.01).items["00000"]
     environment = Environment(BUNDLE)
@@ -88,13 +89,14 @@ def test_a_lost_measurement_leaves_the_previous_one(tmp_path: Path, teacher: Che
     assert 0.3 < same.mean() < 0.7
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_round_repeats_bit_for_bit(tmp_path: Path, teacher: Checkpoint) -> None:
     one, other = (teach(tmp_path / name, teacher, untrained(), episodes=1, led=0.5) for name in "ab")
     np.testing.assert_array_equal(one.items["00000"].executed, other.items["00000"].executed)
     np.testing.assert_array_equal(one.items["00000"].objects, other.items["00000"].objects)
 
 
+@pytest.mark.medium
 def test_led_by_the_teacher_nothing_is_the_students(tmp_path: Path, teacher: Checkpoint) -> None:
     made = teach(tmp_path, teacher, untrained(), episodes=1, led=1.0).items["00000"]
     alone = teach(tmp_path, teacher, episodes=1).items["00000"]

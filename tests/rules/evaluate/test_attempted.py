@@ -58,6 +58,7 @@ def test_success_is_that_of_the_measurements(tmp_path: Path) -> None:
     assert made.placed[0, 0, :2] == pytest.approx(task_bundles.BOX_M, abs=2e-3)
 
 
+@pytest.mark.medium
 def test_the_operator_overrules_and_both_verdicts_are_kept(tmp_path: Path) -> None:
     made = trials(tmp_path, {"a.mcap": lifted(operator=False), "b.mcap": missed(operator=True)})
     assert [trial.success for trial in made.items] == [False, True]

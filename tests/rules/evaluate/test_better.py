@@ -43,7 +43,7 @@ def test_the_trials_end_when_one_policy_is_the_better_one(runner):
     assert row[-1] == 8
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_its_trials_are_those_of_rollouts(runner, tmp_path):
     bundle = gate.bundle()
     first, second = saying(gate.PUSHES, bundle), saying(gate.STOPS_SHORT, bundle)
@@ -73,7 +73,7 @@ def test_the_picture_goes_to_the_policy_that_sees(runner):
     assert (found.first.successes, found.second.successes) == (1, 1)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_trials_that_were_done_are_not_made_again(tmp_path, monkeypatch):
     bundle = gate.bundle()
     given = {"bundle": bundle, "first": saying(gate.PUSHES, bundle), "second": saying(gate.STOPS_SHORT, bundle)}

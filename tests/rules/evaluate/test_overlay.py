@@ -52,6 +52,7 @@ def test_objects_are_where_ray_casting_says(twin: Scene) -> None:
     assert (owner == 1).sum() > 1000, "the lid belongs to the laptop"
 
 
+@pytest.mark.medium
 def test_a_scene_in_which_everything_is_held_is_seen_from_the_same_sides(twin: Scene, tmp_path: Path) -> None:
     held = twin.model_copy(
         update={"model": hold(twin.model, twin.bodies), "bodies": (), "held": twin.bodies},

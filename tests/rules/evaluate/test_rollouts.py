@@ -40,6 +40,7 @@ def drunk(bundle: TaskBundle) -> Checkpoint:
     return made.model_copy(update={"weights": weights.to_bytes(tensors)})
 
 
+@pytest.mark.medium
 def test_a_policy_that_pushes_succeeds_from_every_start(runner):
     bundle = gate.bundle()
     found = runner.run(
@@ -70,6 +71,7 @@ def test_one_that_stops_short_fails_with_its_reason(runner):
     assert runner.outcome.line == "0/3 (0-56 %) in the reference"
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("goal", "stage", "progress"), [(gate.STOPS_SHORT, "moved", 0.25), (0.5, "halfway", 0.5), (0.8, "success", 1.0)]
 )
@@ -100,7 +102,7 @@ def test_all_policies_face_the_same_starts_and_another_seed_gives_others(runner)
     assert not set(starts(gate.PUSHES, 3, 1)) & set(first)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_twin_and_reference_place_objects_alike(runner):
     both = [
         runner.run(

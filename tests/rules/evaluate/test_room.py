@@ -59,7 +59,7 @@ def shown(
     return made.pixels[-LENS.height :, -LENS.width :].astype(int), runner
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_object_stands_before_a_far_wall_and_behind_a_near_one(tmp_path: Path, twin: Scene) -> None:
     blue = 255 * np.array([0.1, 0.2, 0.9])
     far, runner = shown(tmp_path, twin, wall(4.0))
@@ -82,7 +82,7 @@ def test_a_room_in_another_frame_is_refused(tmp_path: Path, twin: Scene) -> None
         shown(tmp_path, twin, wall(4.0, "colmap"))
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_generated_room_is_shown_like_one_of_views(tmp_path: Path, twin: Scene) -> None:
     room = wall(4.0)
     composed, _ = shown(tmp_path, twin, room)

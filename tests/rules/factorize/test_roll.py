@@ -91,6 +91,7 @@ def test_which_side_is_up_can_be_said(runner, photographed):
     assert not warnings, "nothing was assumed"
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     "roll_deg", [-44, 135, pytest.param(30, marks=pytest.mark.slow), pytest.param(60, marks=pytest.mark.slow)]
 )
@@ -105,7 +106,7 @@ def test_any_roll_will_do(runner, roll_deg):
         assert best > 0.95
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_from_straight_above_things_stand(runner):
     eye = factories.look_at((0.02, -0.15, 0.8), (0.0, 0.0, 0.02))
     scene = tabletops.tabletop(*THINGS, eye=eye, lens=tabletops.FINE)

@@ -41,6 +41,7 @@ def test_the_same_inputs_give_the_same_bytes(tmp_path: Path) -> None:
     assert learn(tmp_path, data, seed=1).weights != first.weights
 
 
+@pytest.mark.medium
 def test_neither_threads_nor_the_global_generator_matter(tmp_path: Path) -> None:
     import torch
 
@@ -58,7 +59,14 @@ def test_neither_threads_nor_the_global_generator_matter(tmp_path: Path) -> None
 
 
 @pytest.mark.medium
-@pytest.mark.parametrize("more", [{"jitter": 0.02}, {"average": 0.9}, {"inputs": ("joints", "rgb"), "steps": 12}])
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"jitter": 0.02},
+        pytest.param({"average": 0.9}, marks=pytest.mark.slow),
+        pytest.param({"inputs": ("joints", "rgb"), "steps": 12}, marks=pytest.mark.slow),
+    ],
+)
 def test_a_training_that_was_killed_ends_with_the_same_bytes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: dict[str, Any]
 ) -> None:
@@ -85,6 +93,7 @@ def test_a_damaged_state_begins_anew(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert rest.weights == whole.weights
 
 
+@pytest.mark.medium
 def test_a_full_disk_does_not_end_a_training(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     data = episodes.small(4)
     whole, _ = interrupted(tmp_path / "whole", data, None, monkeypatch)

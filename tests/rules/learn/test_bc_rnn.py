@@ -70,7 +70,7 @@ def test_it_remembers_what_was_seen_earlier_in_the_horizon(tmp_path: Path) -> No
     np.testing.assert_allclose(late, np.array([0.5, -0.5])[:, None] * np.ones(STEPS - CUE), atol=0.1)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_policy_without_memory_cannot_learn_it(tmp_path: Path) -> None:
     """Which shows that the test above asks for memory."""
     data = remembered()
@@ -99,7 +99,7 @@ def test_it_forgets_at_the_horizon_and_at_the_start_of_an_episode(tmp_path: Path
     np.testing.assert_array_equal(act(9), fresh)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_ways_that_were_shown_are_kept_apart(tmp_path: Path) -> None:
     """Seeing the same, half of the demonstrations go to 0.5 rad and half to -0.5 rad; none goes between."""
     data = changed(8, STEPS, 0.5 * np.tile([1.0, -1.0], 4)[:, None] * np.ones(STEPS), np.full((8, STEPS), 0.4))

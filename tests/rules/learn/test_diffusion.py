@@ -106,7 +106,13 @@ def test_the_same_inputs_give_the_same_bytes(tmp_path: Path, network: str) -> No
 
 @pytest.mark.medium
 @pytest.mark.parametrize(
-    "more", [{}, {"average": 0.0}, {"network": "transformer", "dropout": 0.2}, {"inputs": ("joints", "rgb")}]
+    "more",
+    [
+        pytest.param({}, marks=pytest.mark.slow),
+        {"average": 0.0},
+        {"network": "transformer", "dropout": 0.2},
+        pytest.param({"inputs": ("joints", "rgb")}, marks=pytest.mark.slow),
+    ],
 )
 def test_a_training_that_was_killed_ends_with_the_same_bytes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: dict[str, Any]

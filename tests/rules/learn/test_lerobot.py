@@ -59,6 +59,7 @@ def calls(project: Path) -> list[list[str]]:
     return [line.split() for line in (project / "keep" / "calls.txt").read_text().splitlines()]
 
 
+@pytest.mark.medium
 def test_the_policy_is_that_of_the_last_checkpoint(project: Path, data: Folder, tmp_path: Path) -> None:
     made, runner = trained(project, data, policy={"chunk_size": 4, "use_vae": False, "down_dims": [8, 16]})
     assert made.steps.tolist() == list(range(1, 9))
@@ -92,6 +93,7 @@ def test_options_become_arguments_of_the_trainer(project: Path, data: Folder) ->
     assert f"--output_dir={project / 'keep' / 'run'}" in words
 
 
+@pytest.mark.medium
 def test_a_killed_training_goes_on_after_its_last_checkpoint(project: Path, data: Folder) -> None:
     error = refused(project, data, policy={"fault": "once:7"})
     assert "signal 11" in error.message
@@ -171,6 +173,7 @@ def test_an_observation_that_the_task_does_not_give_is_refused(project: Path, da
     assert error.facts == {"data set": "64 x 48 px", "task": "no view"}
 
 
+@pytest.mark.medium
 def test_a_pretrained_policy_is_where_the_training_begins(project: Path, data: Folder) -> None:
     base = Folder(files={"config.json": b'{"type": "act"}', "model.safetensors": b"x"})
     made, _ = trained(project, data, base=base)

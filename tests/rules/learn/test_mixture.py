@@ -49,7 +49,7 @@ def test_every_batch_of_a_mixture_has_exactly_its_share(tmp_path: Path, monkeypa
     assert len(np.unique(np.concatenate(sampled))) == 10 * 20, "both sets are seen as a whole"
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_mixture_is_normalised_by_its_weights_and_not_by_its_sizes(tmp_path: Path) -> None:
     near, far = episodes.small(8), elsewhere(episodes.small(2, seed=1), 0.5)
     made = {

@@ -138,7 +138,7 @@ def test_a_training_that_was_killed_ends_with_the_same_bytes(tmp_path: Path, mon
     assert rest.steps.tolist() == whole.steps.tolist()
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_curriculum_widens_the_starts_and_survives_a_kill(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     easy: dict[str, Any] = {"curriculum": 3, "passing": 0.0, "steps": 128}
     whole, lines = interrupted(tmp_path / "whole", None, monkeypatch, **easy)
@@ -201,7 +201,7 @@ def test_the_state_of_another_training_is_not_used(tmp_path: Path, monkeypatch: 
     assert not lines
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_damaged_state_begins_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole, _ = interrupted(tmp_path / "whole", None, monkeypatch)
     interrupted(tmp_path / "cut", 44, monkeypatch)

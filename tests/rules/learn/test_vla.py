@@ -75,6 +75,7 @@ def test_openvla_learns_all_joints_with_ranges_of_a_least_size(tmp_path: Path, s
     assert (given["use_lora"], given["lora_rank"], given["learning_rate"]) == ("True", "32", "0.0005")
 
 
+@pytest.mark.medium
 def test_openpi_gets_a_configuration_and_goes_on_after_its_last_checkpoint(
     tmp_path: Path, sets: dict[str, Folder]
 ) -> None:

@@ -55,6 +55,7 @@ def test_the_first_view_is_the_captures_and_the_things_are_gone(
     assert np.abs(gap[~things]).mean() < 2e-3
 
 
+@pytest.mark.medium
 def test_the_others_look_at_the_same_place_from_elsewhere(world: World, views: PosedViews) -> None:
     own = world.camera_pose.matrix
     target = own[:3, 3] + own[:3, 2] * own[2, 3] / -own[2, 2]

@@ -38,6 +38,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> World:
     return made
 
 
+@pytest.mark.medium
 def test_the_parts_turn_about_the_axis_and_nothing_else_moves(runner: RuleRunner, world: World) -> None:
     moved = runner.run("reference.open_joints", world=world, options={"positions_deg": {"tongs": 75.0}})
     before, after = world.objects["tongs"], moved.objects["tongs"]

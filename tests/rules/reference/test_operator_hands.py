@@ -156,6 +156,7 @@ def test_the_clock_is_uneven_and_increases() -> None:
     assert np.diff(stamps).std() > 0.001
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("name", ["kuka_leap", "openarm_revo1"])
 def test_hands_follow_the_palms_and_close_with_the_robot(
     name: str, runner: RuleRunner, robots: Callable[[str], RobotModel]
@@ -214,6 +215,7 @@ def test_takes_follow_one_another_without_jumps(runner: RuleRunner, robots: Call
     assert way.max() < 0.03
 
 
+@pytest.mark.medium
 def test_noise_keeps_bones_and_repeats_with_its_seed(
     runner: RuleRunner, robots: Callable[[str], RobotModel], tmp_path: Path
 ) -> None:

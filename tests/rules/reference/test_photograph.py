@@ -63,6 +63,7 @@ def test_the_same_seed_gives_the_same_bytes(runner: RuleRunner, world: World, ba
     assert digests[0] == digests[1] != digests[2]
 
 
+@pytest.mark.medium
 def test_depth_is_counted_in_millimetres(pair: tuple[Capture, Truth]) -> None:
     counts = pair[0].measured.depth.depth.astype(np.float64) * 1000
     np.testing.assert_allclose(counts, np.round(counts), atol=1e-3)

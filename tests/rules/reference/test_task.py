@@ -52,6 +52,7 @@ def true(world: World, twin: TaskBundle, tmp_path_factory: pytest.TempPathFactor
     return build(tmp_path_factory.mktemp("reference"), twin, world)
 
 
+@pytest.mark.medium
 def test_names_joints_and_their_order_are_the_twins(twin: TaskBundle, true: TaskBundle) -> None:
     (before, _), (after, _) = opened(twin), opened(true)
     for kind, count in (("body", before.nbody), ("joint", before.njnt), ("actuator", before.nu)):

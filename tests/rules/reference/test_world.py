@@ -47,6 +47,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> World:
     return made
 
 
+@pytest.mark.medium
 def test_every_part_and_every_surface_is_closed(world: World) -> None:
     for thing in [*world.objects.values(), *world.fixtures.values()]:
         assert thing.surface.is_closed

@@ -18,6 +18,7 @@ from tests.rules.simulate.test_limbs import made
 GRIPPER = {"fingers": {"thumb": "tip_one", "index": "tip_other"}, "facing": (0, 1, 0), "pointing": (0, 0, 1)}
 
 
+@pytest.mark.medium
 def test_a_stated_hand_is_kept_told_and_shown(tmp_path: Path) -> None:
     runner = RuleRunner(tmp_path)
     plain = described("kuka_leap") | {"hands": {"arm": {"side": "right", "scale": 1.5}}}

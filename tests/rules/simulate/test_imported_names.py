@@ -17,6 +17,7 @@ from tests.rules.simulate.test_imported_robot import SPEEDS, URDF, compiled, mad
 BARE = "arm_description/urdf/arm.urdf"
 
 
+@pytest.mark.medium
 def test_a_root_called_world_is_the_base(tmp_path):
     text = ARM.replace('"base_link"', '"world"')
     robot = made(tmp_path, arm(text), parts=[{"file": URDF}])

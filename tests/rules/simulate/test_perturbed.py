@@ -106,6 +106,7 @@ def test_it_stands_still(twin: TaskBundle, tmp_path: Path) -> None:
         assert motion.joints < np.radians(1.0), motion
 
 
+@pytest.mark.medium
 def test_a_seed_is_a_world(twin: TaskBundle, tmp_path: Path) -> None:
     runner = RuleRunner(tmp_path)
     one, same, other = (runner.encode(disturbed(tmp_path, twin, seed=seed)) for seed in (1, 1, 2))

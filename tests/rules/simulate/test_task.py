@@ -67,6 +67,7 @@ def make(tmp_path, assets, scene):
     return run
 
 
+@pytest.mark.medium
 def test_names_goals_and_uncertainty_are_those_of_the_assets(make):
     bundle = make({**CLOSE, "articulate": {"joints_deg": {"hinge": 0.0}, "tolerance_deg": 4.0}})
     assert set(bundle.objects) == {"blue_box", "bowl", "laptop"}
@@ -82,6 +83,7 @@ def test_names_goals_and_uncertainty_are_those_of_the_assets(make):
     assert environment.model.ncam == 0
 
 
+@pytest.mark.medium
 def test_the_robot_stands_where_its_base_is(make):
     bundle = make(LIFT)
     environment = Environment(bundle)
@@ -291,6 +293,7 @@ def test_limbs_of_a_goal_that_names_its_hands_are_refused(make):
         make({**BARE, "primitive": "handover", "handover": {"giver": "left"}, "limbs": ("left", "right")}, robot=robot)
 
 
+@pytest.mark.medium
 def test_a_kind_of_action_that_the_robot_lacks_is_refused(make):
     assert make({**LIFT, "action": "end_effector"}).task.action == "end_effector"
     robot = episodes.robot()

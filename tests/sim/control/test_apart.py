@@ -58,6 +58,7 @@ def deepest_m(robot: RobotModel, arm: ArmKinematics, ways: Iterator[np.ndarray])
     return deepest
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("seed", [0, 1])
 def test_arms_do_not_run_into_their_robot_where_others_do(
     robot: RobotModel, arm: ArmKinematics, careless: ArmKinematics, seed: int

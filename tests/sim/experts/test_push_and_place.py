@@ -65,7 +65,7 @@ def test_a_push_that_did_not_arrive_is_done_again_from_above(robot: RobotModel) 
     assert "push" in segments[again:]
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_plans_are_made_with_the_robot_where_it_is_believed_to_stand(robot: RobotModel) -> None:
     made = driver(robot, PushGoal(place_m=(0.1, 0.0), yaw_rad=None, upright=(1, 0, 0, 0), tolerance=NEAR))
     environment, reach, found = made.environment, Reach(robot, "arm"), []

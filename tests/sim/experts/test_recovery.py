@@ -34,6 +34,7 @@ def rows(episode: Episode, name: str) -> slice:
     return slice(found[0].first, found[-1].last)
 
 
+@pytest.mark.medium
 def test_the_label_stays_on_the_path_and_then_leads_back_to_it(driver: Driver) -> None:
     plain = made(driver, Recovery(share=0.0))
     assert plain.success, plain.reason

@@ -29,6 +29,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> RobotModel:
     return robot_recipes.built("openarm_revo1", tmp_path_factory.mktemp("robot"))
 
 
+@pytest.mark.medium
 def test_hands_press_towards_one_another_and_take_their_own_sides(robot: RobotModel) -> None:
     box = factories.box_asset(size=SIZE_M)
     points = openarm_tasks.described(box).points.astype(np.float64)

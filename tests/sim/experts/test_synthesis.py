@@ -80,6 +80,7 @@ def moved_task(shift: np.ndarray, segments: tuple[Segment, ...] = ()) -> tuple[S
     return operator, state
 
 
+@pytest.mark.medium
 @settings(max_examples=20, deadline=None)
 @given(numbers, numbers, st.floats(-3.0, 3.0))
 def test_every_framed_step_keeps_the_demonstrated_pose_in_the_objects_frame(x, y, yaw):

@@ -11,6 +11,7 @@ from dextera_build.sim.control.operator import NotHeld, State
 from dextera_build.sim.experts.candidates import Search, experts, grips
 from dextera_build.sim.experts.collision_check import CollisionCheck
 from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.experts.grasp import Grasp
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.experts.reachable import Reachable
 from dextera_build.sim.primitives.pick_and_place.primitive import PlaceGoal
@@ -41,14 +42,14 @@ def stacking(robot: RobotModel) -> Driver:
     return Driver(Environment(openarm_tasks.bundle(robot, goal, bowls, "upper")))
 
 
+@pytest.fixture(scope="module")
+def by_the_wall(stacking: Driver, robot: RobotModel) -> Grasp:
+    return next(each for each in grips(stacking.environment, Reach(robot, "right")) if "tripod wall" in each.name)
+
+
 @pytest.fixture
-def placing(stacking: Driver, robot: RobotModel) -> Place:
-    return _placing(stacking, robot)
-
-
-def _placing(driver: Driver, robot: RobotModel) -> Place:
-    environment, reach = driver.environment, Reach(robot, "right")
-    return Place(environment, reach, next(each for each in grips(environment, reach) if "tripod wall" in each.name))
+def placing(stacking: Driver, robot: RobotModel, by_the_wall: Grasp) -> Place:
+    return Place(stacking.environment, Reach(robot, "right"), by_the_wall)
 
 
 def carried(state: State, name: str, by: np.ndarray) -> State:

@@ -34,6 +34,7 @@ def shares(surfaces: list[Surface], **options: Any) -> tuple[np.ndarray, np.ndar
     return lighting.light(surfaces, CAMERA, ABOVE, seen.depth, DOWN, **chosen)
 
 
+@pytest.mark.medium
 def test_an_empty_floor_sees_the_whole_sky_and_the_lamp() -> None:
     sky, key = shares([FLOOR])
     assert sky.shape == key.shape == (120, 160)

@@ -168,6 +168,7 @@ def test_close_parts_part_along_their_derivative(leap: RobotModel) -> None:
         checked += 1
 
 
+@pytest.mark.medium
 def test_noise_moves_joints_less_with_a_lower_cut_off(leap: RobotModel) -> None:
     own = matched(leap, "arm")
     random = np.random.default_rng(0)

@@ -23,6 +23,7 @@ def exploded(environment: Environment, starts: Iterable[Start]) -> list[str]:
     return [str(each) for each in held(environment, starts) if each.exploded]
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("count", [200, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("task", [task_bundles.lift, task_bundles.close])
 def test_random_starts_of_a_small_task(task: Callable[..., TaskBundle], count: int) -> None:

@@ -80,7 +80,7 @@ def test_an_error_of_the_calibration_moves_all_poses(environment):
     assert np.linalg.norm(told[:3, 3] - true) > 0.006
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_what_was_seen_arrives_late(environment):
     policy, episode, _ = pushed(environment, cells.cell(delay_s=0.2))
     late, true = np.array(policy.joints), episode.displacement[:, 0]
@@ -88,7 +88,7 @@ def test_what_was_seen_arrives_late(environment):
     assert np.abs(late - true).max() > 0.1
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_frames_come_at_the_rate_of_the_camera(environment):
     policy, episode, sighting = pushed(environment, cells.cell(rate_hz=5.0))
     steps = len(episode.action)
@@ -121,8 +121,12 @@ def test_while_nothing_is_seen_the_last_pose_holds(environment):
     "blind",
     [
         {"loss": 1.0},
-        {"eye": Pose(parent="base", child="camera", matrix=factories.look_at((0.3, -0.6, 0.6), (3.0, 0.0, 2.0)))},
-        {"depth_noise": DepthNoise(nearest_m=5.0)},
+        # Searching pictures without the object takes seconds.
+        pytest.param(
+            {"eye": Pose(parent="base", child="camera", matrix=factories.look_at((0.3, -0.6, 0.6), (3.0, 0.0, 2.0)))},
+            marks=pytest.mark.slow,
+        ),
+        pytest.param({"depth_noise": DepthNoise(nearest_m=5.0)}, marks=pytest.mark.slow),
     ],
 )
 @pytest.mark.medium
@@ -132,7 +136,7 @@ def test_a_trial_whose_object_is_not_found_fails_before_it_begins(environment, b
     assert (sighting.found_s, sighting.frames, policy.joints) == (None, 0, [])
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_trial_does_not_depend_on_the_ones_before(environment):
     noisy = cells.cell(depth_noise=DepthNoise(smear=0.3), loss=0.2, rate_hz=15.0)
     first, _, record = pushed(environment, noisy, 3)

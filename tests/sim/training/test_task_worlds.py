@@ -21,6 +21,7 @@ PLAN = ((0.1, 0.05, 18), (0.0, 0.05, 8), (0.0, 0.012, 6), (0.15, 0.012, 200))
 LIFT = [np.array([0.3, 0.1, height, fingers, fingers]) for height, fingers, periods in PLAN for _ in range(periods)]
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("bundle", "shared"),
     [

@@ -69,6 +69,7 @@ def joints(stage: Any, robot: str) -> dict[str, Any]:
     return {prim.GetDisplayName().removeprefix(f"{robot}/"): prim for prim in prims if prim.GetDisplayName()}
 
 
+@pytest.mark.medium
 def test_stage_and_mjcf_are_the_same_scene(stage: Any, wanted: inventory.Inventory) -> None:
     found = reader.inventory(stage)
     assert inventory.differences(wanted, found) == []

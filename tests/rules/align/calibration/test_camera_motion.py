@@ -42,6 +42,7 @@ def calibration(tmp_path_factory: pytest.TempPathFactory) -> Calibration:
     return found
 
 
+@pytest.mark.medium
 def test_a_camera_that_stayed_is_unmoved(tmp_path: Path, calibration: Calibration) -> None:
     _, after, _ = pictures()
     runner = RuleRunner(tmp_path)

@@ -34,6 +34,7 @@ def refused(tmp_path: Path, views: RobotViews, match: str, **inputs: object) -> 
 KINDS = [boards.MARKER, boards.GRID, boards.CHARUCO, boards.CHESS, boards.CIRCLES, boards.ASYMMETRIC]
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("board", "in_hand"),
     [
@@ -60,6 +61,7 @@ def test_every_kind_of_board_gives_the_camera(tmp_path: Path, board: object, in_
     ]
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("board", [boards.MARKER, boards.GRID], ids=["one", "grid"])
 def test_edges_place_corners_where_corner_detectors_err(board: object) -> None:
     views, truth = boards.taken(board, seed=3, count=6)
@@ -92,6 +94,7 @@ def test_one_pose_is_refused(tmp_path: Path) -> None:
     refused(tmp_path, few, "the board is seen in 1 of 1 pictures, 5 are needed")
 
 
+@pytest.mark.medium
 def test_a_board_of_another_size_is_refused_with_its_size(tmp_path: Path) -> None:
     views, _ = boards.taken(boards.MARKER)
     stated = boards.MARKER.model_copy(update={"square_m": 1.08 * boards.MARKER.square_m})
@@ -115,6 +118,7 @@ def test_a_mirrored_picture_is_told(tmp_path: Path) -> None:
     assert "mirrored" in str(error.facts["`view_0`"])
 
 
+@pytest.mark.medium
 def test_another_board_is_refused(tmp_path: Path) -> None:
     views, _ = boards.taken(boards.GRID)
     other = boards.GRID.model_copy(update={"columns": 3, "rows": 4})
@@ -179,7 +183,7 @@ def test_a_chessboard_that_the_border_cuts_is_told_with_what_is_seen() -> None:
     assert "inner corners are seen: the border of the picture or something in front cuts the board" in found.found
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_poses_of_the_picture_before_are_told(tmp_path: Path) -> None:
     views, _ = boards.taken(boards.MARKER)
     assert views.effectors is not None
@@ -187,7 +191,7 @@ def test_poses_of_the_picture_before_are_told(tmp_path: Path) -> None:
     refused(tmp_path, shifted, "each picture has the pose of one picture later|one picture earlier")
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_moved_picture_and_a_dark_one_are_left_out_by_name(tmp_path: Path) -> None:
     views, truth = boards.taken(boards.MARKER, count=9)
     assert views.effectors is not None

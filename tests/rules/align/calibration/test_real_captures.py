@@ -62,6 +62,7 @@ def spread(views: RobotViews, found: Calibration) -> np.ndarray:
     return 1000 * np.std(places, axis=0)
 
 
+@pytest.mark.medium
 def test_a_fixed_camera_sees_a_tag_on_the_gripper(tmp_path: Path) -> None:
     capture = views("franka_eye_to_hand", TAG)
     found = RuleRunner(tmp_path).run("align.hand_eye", views=capture)
@@ -90,7 +91,7 @@ def test_rotation_vectors_read_as_euler_angles_are_told(tmp_path: Path) -> None:
         RuleRunner(tmp_path).run("align.hand_eye", views=capture.model_copy(update={"effectors": np.stack(rows)}))
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_size_that_is_stated_for_the_chessboard_contradicts_the_robot(tmp_path: Path) -> None:
     with pytest.raises(RuleError, match=r"the board is 1\.1\d\d times as large as stated"):
         RuleRunner(tmp_path).run("align.hand_eye", views=views("franka_eye_in_hand", CHESS))

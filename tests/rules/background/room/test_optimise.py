@@ -71,7 +71,7 @@ def test_the_same_call_gives_the_same_gaussians(tmp_path: Path, views: Views) ->
         assert np.array_equal(getattr(one, name), getattr(other, name)), name
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_fewer_gaussians_of_higher_degree(tmp_path: Path, views: Views) -> None:
     room, metrics = optimised(tmp_path / "r", views, most=4000, degree=2, steps=30, held_out=0)
     assert 2000 < len(room.splats.means) <= 4000

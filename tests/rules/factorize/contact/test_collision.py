@@ -95,6 +95,7 @@ def test_walls_are_taken_as_they_are(runner):
     assert made.cavity_fill == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.medium
 def test_walls_that_fill_the_cavity_give_way_to_wedges(runner):
     made = pieces(runner, walled(object_views.hull(solids.box((0.08, 0.08, 0.06), (0.0, 0.0, 0.03)))))
     assert made.method == "wedges"
@@ -119,7 +120,7 @@ def test_a_concave_body_without_a_cavity_goes_to_coacd_and_repeats(runner):
     assert runner.encode(first) == runner.encode(second)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_wedges_repeat_byte_for_byte(runner):
     body = object_views.body(object_views.mesh(object_views.cup()), hollow=True)
     assert runner.encode(pieces(runner, body)) == runner.encode(pieces(runner, body))

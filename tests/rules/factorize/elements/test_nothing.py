@@ -53,6 +53,7 @@ def test_a_thing_cut_by_the_border_is_told_from_an_empty_table(tmp_path):
     assert "nothing is higher than the noise" in error_of(tmp_path, empty.capture).message
 
 
+@pytest.mark.medium
 def test_a_wall_seen_frontally_is_suspected(tmp_path):
     wall = factories.box_mesh((-3, 0.8, -3), (3, 0.9, 3))
     eye = factories.look_at((0.0, -0.3, 0.2), (0.0, 0.8, 0.2))
@@ -84,6 +85,7 @@ def test_depth_that_is_noise_is_called_so(tmp_path):
     assert "order of bytes" in (error.hint or "")
 
 
+@pytest.mark.medium
 def test_a_unit_that_is_too_small_is_suspected(tmp_path):
     scene = tabletops.tabletop((BOX, factories.pose()))
     assert scene.capture.measured is not None
@@ -92,6 +94,7 @@ def test_a_unit_that_is_too_small_is_suspected(tmp_path):
     assert "`depth_scale_m`" in (error.hint or "")
 
 
+@pytest.mark.medium
 def test_an_object_cut_together_with_the_support_beneath_it_is_told(tmp_path):
     """Where the lower border cuts the object, nothing of it stands over the support that is seen."""
     scene = tabletops.tabletop(
@@ -106,6 +109,7 @@ def test_an_object_cut_together_with_the_support_beneath_it_is_told(tmp_path):
     assert "the border of the picture cuts" in error_of(tmp_path, cut).message
 
 
+@pytest.mark.medium
 def test_dropout_of_half_of_the_depth_is_filled(tmp_path):
     scene = tabletops.tabletop((BOX, factories.pose()))
     assert scene.capture.measured is not None

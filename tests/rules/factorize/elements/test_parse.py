@@ -112,7 +112,7 @@ def test_what_reaches_out_of_the_image_is_static(runner):
     assert {element.category for element in found if not element.interactive} == {"room", "support"}
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_what_stands_on_furniture_is_found(runner):
     """A step along the back of the table is too wide for an object, and carries two."""
     scene = tabletops.tabletop(
@@ -163,12 +163,14 @@ def test_one_thing_on_an_empty_table_touches_nothing(runner):
     assert "of the pixels, median 0." in caught.value.facts["depth"]
 
 
+@pytest.mark.medium
 def test_the_stub_needs_no_names(runner, three):
     found = interactive(parsed(runner, three, profile="stub"))
     assert set(found) == {"object", "object_2", "object_3"}
     assert all(element.box for element in found.values())
 
 
+@pytest.mark.medium
 def test_the_same_photograph_gives_the_same_bytes(runner, three):
     assert runner.encode(parsed(runner, three)) == runner.encode(parsed(runner, three))
 

@@ -108,6 +108,7 @@ def test_pixels_are_scaled_as_the_saved_numbers_say(speaker):
         assert seen.numpy() == pytest.approx(np.full(seen.shape, (level / 255 - 0.5) / 0.5), abs=1e-6)
 
 
+@pytest.mark.medium
 def test_the_template_may_be_in_a_file_of_its_own(tmp_path, knowing):
     import shutil
 

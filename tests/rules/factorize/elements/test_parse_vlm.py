@@ -62,6 +62,7 @@ def parse(tmp_path, scene, support):
     return run
 
 
+@pytest.mark.medium
 def test_things_come_from_the_service_and_then_from_the_record(parse, service, scene, monkeypatch):
     found = {element.name: element for element in parse().elements}
     assert set(found) == {"red_mug", "support"}
@@ -79,6 +80,7 @@ def test_things_come_from_the_service_and_then_from_the_record(parse, service, s
     assert np.abs(sent.astype(int) - scene.capture.photograph.rgb.pixels).mean() < 3
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     "things",
     [

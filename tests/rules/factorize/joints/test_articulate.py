@@ -101,7 +101,7 @@ def test_at_the_observed_angle_the_links_are_where_they_were_seen(laptop, overla
     assert all(link.mesh.is_closed for link in body.links.values())
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_walls_follow_their_link(runner):
     _, body = hinged(runner, 1.885, walls=True)
     for link in body.links.values():
@@ -110,7 +110,7 @@ def test_walls_follow_their_link(runner):
         assert wall.vertices.max(axis=0) == pytest.approx(link.mesh.vertices.max(axis=0), abs=1e-5)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_texture_coordinates_survive_the_cut(runner):
     whole, _ = object_views.laptop(1.885, 0.004)
     plain = object_views.mesh(whole)
@@ -130,7 +130,7 @@ def test_texture_coordinates_survive_the_cut(runner):
     assert areas[~kept].sum() > 0.0
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_line_and_the_picture_tell_the_hinge(runner):
     hinged(runner, np.radians(108.0))
     assert runner.outcome.line == "1 hinge, 0-131 deg, at 108 deg"

@@ -86,7 +86,7 @@ def test_nothing_measured_is_used(tmp_path: Path) -> None:
     assert articulated(tmp_path)[0].asset_source == "rgb"
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_one_part_alone_has_no_joint(tmp_path: Path) -> None:
     with pytest.raises(RuleError, match="no joint was found"):
         articulated(tmp_path, particulate={"least_confidence": 0.5})

@@ -90,7 +90,7 @@ def test_a_part_of_a_cut_mesh_is_where_it_was_seen(runner):
     assert area < 1.1 * metrics.face_areas(mesh.vertices, mesh.faces).sum()
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_joint_that_does_not_explain_what_was_seen_is_doubted():
     _, inputs = captured("box_with_lid", {"hinge": 1.2}, {"hinge": 1.9})
     thing, _ = captured("box_with_lid", {"hinge": 1.2}, {"hinge": 1.9})

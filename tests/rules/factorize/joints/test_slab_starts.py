@@ -11,6 +11,7 @@ from rules.factorize.shapes import evidence
 from tests.benchmarks.joints.one_capture import opened
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("kind", ["laptop", "box_with_lid"])
 @pytest.mark.parametrize("side", [20, 90, 140, 170])
 @pytest.mark.parametrize("seed", [21, 23])

@@ -68,6 +68,7 @@ def test_a_box_with_an_open_lid_is_hollow_and_closes(runner, side):
     assert lid[:, 2].min() == pytest.approx(rim, abs=0.001)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [

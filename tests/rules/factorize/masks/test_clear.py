@@ -70,7 +70,7 @@ def test_a_glass_is_told_with_its_place_and_a_picture(tmp_path):
     ]
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_what_is_left_of_a_glass_is_no_body(tmp_path):
     capture, glass = with_glass(seen_through=0.0, scrap=True)
     runner = RuleRunner(tmp_path)

@@ -131,7 +131,7 @@ def completed(tmp_path: Path, weights: Path, seen: ObjectView, **options: Any) -
     return made
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_flux2_paints_behind_the_occluder_only(tmp_path: Path, weights: Path) -> None:
     seen = view(BAR)
     made = completed(tmp_path, weights, seen)

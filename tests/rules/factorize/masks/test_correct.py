@@ -44,6 +44,7 @@ def of(objects: Segmentation, name: str) -> np.ndarray:
     return objects.map.labels == objects.names.index(name) + 1
 
 
+@pytest.mark.slow
 def test_without_masks_nothing_changes(tmp_path, found):
     objects, _ = correct(tmp_path, found, None)
     assert objects.encode(digest.of_bytes) == found["objects"].encode(digest.of_bytes)

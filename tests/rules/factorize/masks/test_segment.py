@@ -29,7 +29,7 @@ def segmented(runner, capture, profile: str = "cpu"):
     return runner.run("factorize.segment", profile=profile, **chosen)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_regions_of_the_elements_are_not_found_again(runner, monkeypatch):
     scene = tabletops.tabletop((tabletops.box(0.08, 0.08, 0.1, RED), factories.pose(-0.1)))
     given = {**factories.shot(scene.capture), "support": runner.run("align.support", **factories.shot(scene.capture))}
@@ -68,7 +68,7 @@ def test_things_apart_are_cut_out_tightly(runner, noise):
     assert min(scores(found, scene.labels.labels)) > 0.9
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_bowl_keeps_its_floor(runner):
     scene = tabletops.tabletop((tabletops.bowl(WHITE), factories.pose(0.0, -0.05)))
     found = segmented(runner, scene.capture)
@@ -78,7 +78,7 @@ def test_a_bowl_keeps_its_floor(runner):
     assert scores(found, scene.labels.labels)[0] > 0.9
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_stack_is_split_at_its_creases(runner):
     scene = tabletops.tabletop(
         (tabletops.box(0.2, 0.14, 0.06, RED), factories.pose(0.0, 0.0, yaw=0.2)),
@@ -104,7 +104,7 @@ def test_one_thing_behind_another_stays_one(runner):
     assert min(scores(found, scene.labels.labels)) > 0.85
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_two_things_of_equal_height_behind_another_stay_two(runner):
     scene = tabletops.tabletop(
         (tabletops.cylinder(0.03, 0.2, BLUE), factories.pose(0.0, -0.1)),
@@ -153,7 +153,7 @@ def test_what_belongs_to_no_object_is_fixed(runner):
     assert not (found.map.fixed & (found.map.labels > 0)).any()
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_colour_finds_a_border_that_depth_lost(runner):
     scene = tabletops.tabletop((tabletops.box(0.1, 0.06, 0.14, RED), factories.pose(0.0, 0.0, yaw=0.4)), noise=0.3)
     truth = scene.labels.labels == 1
@@ -175,6 +175,7 @@ def test_the_same_capture_gives_the_same_bytes(runner):
     assert first == second
 
 
+@pytest.mark.medium
 def test_renaming_an_element_leaves_its_view_alone(runner):
     scene = tabletops.tabletop((tabletops.bowl(WHITE), factories.pose(0.03, -0.1)))
     support = runner.run("align.support", **factories.shot(scene.capture))
@@ -223,6 +224,7 @@ def real(runner, name: str):
     return Folder(files={path.name: path.read_bytes() for path in (CAPTURES / name).iterdir()})
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("name", "box"),
     [

@@ -92,6 +92,7 @@ def test_a_static_element_is_fixed_and_hides_what_is_behind_it(tmp_path):
     assert found.items["box"].view.occluder.any()
 
 
+@pytest.mark.medium
 def test_the_same_photograph_gives_the_same_bytes(tmp_path):
     scene = tabletops.tabletop((tabletops.box(0.1, 0.06, 0.14, RED), factories.pose(0.0, 0.0, yaw=0.4)))
     runner, elements = RuleRunner(tmp_path), listed(box=box_of(scene.labels.labels == 1))

@@ -33,7 +33,7 @@ def with_smear(scene: tabletops.Tabletop) -> Capture:
     return factories.rgbd(pixels, depth, scene.capture.photograph.camera)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_smear_stays_in_the_background_with_a_warning(tmp_path):
     scene = tabletops.tabletop((BOX, factories.pose(-0.1, 0.0, yaw=0.4)), lens=tabletops.FINE)
     runner = RuleRunner(tmp_path)
@@ -45,6 +45,7 @@ def test_a_smear_stays_in_the_background_with_a_warning(tmp_path):
     assert found.map.fixed[290:320, 436:450].mean() > 0.5, "it is a thing that is no object"
 
 
+@pytest.mark.medium
 def test_a_body_of_few_pixels_is_no_smear(tmp_path):
     # Along the outline, where depth is smeared and never trusted, lies a third of its pixels.
     small = tabletops.cylinder(0.03, 0.065, (0.8, 0.2, 0.2))
@@ -57,7 +58,7 @@ def test_a_body_of_few_pixels_is_no_smear(tmp_path):
     assert len(found.names) == 1
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_if_nothing_can_become_a_body_each_reason_is_told(tmp_path):
     scene = tabletops.tabletop((tabletops.box(0.1, 0.1, 0.002, (0.8, 0.2, 0.2)), factories.pose()), lens=tabletops.FINE)
     with pytest.raises(RuleError, match="no segmented object yields a valid body") as caught:

@@ -11,7 +11,7 @@ TABLE, BLUE = (0.65, 0.5, 0.35), (0.15, 0.2, 0.7)
 BOX = (tabletops.box(0.1, 0.08, 0.15, (0.8, 0.2, 0.2)), factories.pose(-0.12, 0.05, yaw=0.4))
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("colour", "height", "bodies"),
     [

@@ -42,7 +42,7 @@ def lower_part_cut(capture: Capture, rows: int) -> Capture:
     return factories.rgbd(photo.rgb.pixels[:rows].copy(), measured.depth.depth[:rows].copy(), lens)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_can_that_the_border_cuts_beyond_its_axis_is_an_object(tmp_path):
     found, warnings = parsed(tmp_path, with_can(0.5 * CAN_M))
     cut = {element.name: element.cut for element in found if element.interactive}

@@ -74,6 +74,7 @@ def complete(tmp_path, mug):
     return run
 
 
+@pytest.mark.medium
 def test_a_mesh_comes_from_the_photograph_alone(complete, service, mug):
     shape = complete()
     assert shape.asset_source == "rgb"
@@ -127,6 +128,7 @@ def test_the_answer_is_replayed_without_service_and_secrets(complete, service, m
     assert len(service.seen) == seen
 
 
+@pytest.mark.medium
 def test_options_reach_the_service(complete, service):
     complete(model="3.0", kind="Geometry", faces=None, pbr=True)
     (told,) = service.submitted
@@ -134,7 +136,7 @@ def test_options_reach_the_service(complete, service):
     assert "FaceCount" not in told
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "faults",
     [
@@ -191,7 +193,7 @@ def test_a_wrong_or_missing_secret(complete, service, monkeypatch, name):
     assert service.submitted == []
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_job_of_an_earlier_build_is_waited_for(complete, service):
     service.faults = {"Query": ["InternalError"] * 4}
     with pytest.raises(MachineError):
@@ -200,7 +202,7 @@ def test_a_job_of_an_earlier_build_is_waited_for(complete, service):
     assert len(service.submitted) == 1
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_job_that_expired_is_submitted_again(complete, service):
     service.faults = {"Query": ["InternalError"] * 4}
     with pytest.raises(MachineError):

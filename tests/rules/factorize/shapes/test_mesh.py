@@ -65,6 +65,7 @@ def inside_and_in_cavity(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     return points[(up.index < 0) & (down.index >= 0)], points[(up.index >= 0) & (up.normal[:, 2] > 0)]
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("size", "yaw", "eye", "seed"),
     [
@@ -266,6 +267,7 @@ def test_the_texture_shows_the_photograph_on_the_seen_side(tmp_path):
     assert 0.4 < found.unseen_fraction < 0.6
 
 
+@pytest.mark.medium
 def test_every_allowed_family_is_scored(tmp_path):
     runner = RuleRunner(tmp_path)
     seen = synthetic.view(can(0.033, 0.12), synthetic.fine())

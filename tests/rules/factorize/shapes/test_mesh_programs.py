@@ -49,7 +49,7 @@ def runner(tmp_path: Path, name: str, gpu_gb: float = 80.0) -> RuleRunner:
     return RuleRunner(tmp_path / "scratch", project=tmp_path, weights=weights, gpu_gb=gpu_gb)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.slow] if number else []) for number, name in enumerate(WEIGHTS)]
 )

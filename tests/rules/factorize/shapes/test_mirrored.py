@@ -70,6 +70,7 @@ def check_stands(shape: Shape) -> None:
     assert not shape.hollow
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("body", "yaw"), [(duck(), 20.0), *(pytest.param(lumps(), yaw, marks=pytest.mark.slow) for yaw in (-30.0, 0.0))]
 )
@@ -96,7 +97,7 @@ def test_it_wins_where_the_families_fit_badly(tmp_path: Path) -> None:
     assert distance(found, body) < 0.5 * distance(family, body)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "body",
     [
@@ -111,7 +112,7 @@ def test_a_family_that_fits_wins(tmp_path: Path, body: Solid) -> None:
     assert found.scores["mirrored"] < found.scores[found.hypothesis] - 0.05
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_body_equals_its_mirror_image(tmp_path: Path) -> None:
     found = mirrored(synthetic.view(synthetic.placed(duck(), 0.0, 0.0, 20), synthetic.Eye()), tmp_path)
     points = metrics.sample_surface(found.mesh.vertices.astype(np.float64), found.mesh.faces, 4000, 0)
@@ -138,7 +139,7 @@ def test_a_hole_and_a_gap_of_the_mask_and_lost_depth(tmp_path: Path) -> None:
     assert distance(found, body) < 0.004
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_what_something_nearer_hides_is_filled(tmp_path: Path) -> None:
     body = synthetic.placed(lumps(), 0.0, 0.0, 0)
     post = solids.box((0.016, 0.016, 0.2), (0.0, -0.15, 0.1))

@@ -34,7 +34,7 @@ def test_another_body_explains_less():
     assert right > wrong + 0.2
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_occluded_pixels_do_not_count():
     bracket = object_views.bracket()
     mask, occluder = seen(bracket, 20.0)
@@ -48,6 +48,7 @@ def test_occluded_pixels_do_not_count():
     assert known > unknown
 
 
+@pytest.mark.medium
 def test_a_ball_shows_the_cap_that_geometry_says():
     ball = solids.loft(
         np.array([solids.ring(np.sin(a), np.sin(a), 2.0, -np.cos(a), 96) for a in np.linspace(0.02, 3.12, 60)])

@@ -74,7 +74,7 @@ def test_a_handle_is_found_beside_a_mug_and_does_not_widen_it(tmp_path, turn_deg
     assert found.pose.covariance[5, 5] > 0.3**2
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_tilt_of_the_camera_widens_the_interval_of_the_size(tmp_path):
     covariance = np.zeros((6, 6))
     covariance[3, 3] = np.radians(10.0) ** 2
