@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dextera_build.geometry import cameras, transforms
+from dextera_build.geometry import cameras, open3d_core, transforms
 
 NOTHING = np.uint32(0xFFFFFFFF)
 
@@ -41,7 +41,7 @@ class RayScene:
     """
 
     def __init__(self, *meshes: tuple[np.ndarray, np.ndarray], threads: int = 1) -> None:
-        import open3d as o3d
+        o3d = open3d_core.loaded()
 
         self._tensor = o3d.core.Tensor
         self._scene = o3d.t.geometry.RaycastingScene(nthreads=threads)
