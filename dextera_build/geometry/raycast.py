@@ -132,18 +132,6 @@ def cast(surfaces: Sequence[Surface], rays: np.ndarray) -> Render:
     return Render(depth, index, face, corner, normal)
 
 
-def distances(surfaces: Sequence[Surface], rays: np.ndarray) -> np.ndarray:
-    """Distances (...) float32 of the first hits of free rays, as `depth` of `cast`; infinite without a hit.
-
-    A fast path for fits, which cast some thousand times.
-
-    Args:
-        surfaces: The scene; not empty.
-        rays: (..., 6) float32 origin and direction in the world frame.
-    """
-    return _prepared(surfaces).cast(rays).distance
-
-
 class Sorted(tuple[Surface, ...]):
     """Surfaces that are prepared once, for many renders."""
 

@@ -28,7 +28,7 @@ def test_rays_are_cast_without_the_viewers() -> None:
         from dextera_build.geometry.solids import box
         cube = box((1.0, 1.0, 1.0), (0.0, 0.0, 0.0))
         rays = np.array([[0.0, 0.0, 5.0, 0.0, 0.0, -1.0]])
-        print(round(float(raycast.distances([raycast.Surface(cube.vertices, cube.faces)], rays)[0]), 4), end=" ")
+        print(round(float(raycast.RayScene((cube.vertices, cube.faces)).cast(rays).distance[0]), 4), end=" ")
     """
     assert run(code + f"    print([name for name in {HEAVY} if name in sys.modules])") == "4.5 []\n"
 

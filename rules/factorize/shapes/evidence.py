@@ -40,6 +40,11 @@ class Silhouette:
     inside: np.ndarray  # (S, T) bool, beyond the far side of the body; treated as covered
     outside: np.ndarray  # (S, T) bool, beyond a gap in the mask; treated as empty
 
+    @cached_property
+    def fitted_rays(self) -> np.ndarray:
+        """Rays (S, T, 6) float32 of which a fit asks whether they meet the body."""
+        return self.rays.astype(np.float32)
+
 
 @dataclass(frozen=True)
 class Evidence(DepthView):
@@ -62,8 +67,8 @@ class Evidence(DepthView):
 
     @cached_property
     def fitted_rays(self) -> np.ndarray:
-        """Rays (P + S T, 6) float32 that a fit casts: those of the core, then those across the silhouette."""
-        return np.concatenate([self.rays, self.silhouette.rays.reshape(-1, 6)]).astype(np.float32)
+        """Rays (P, 6) float32 of which a fit asks the depth."""
+        return self.rays.astype(np.float32)
 
     @property
     def point_sigma(self) -> np.ndarray:
