@@ -162,8 +162,7 @@ def residuals(model: Model, evidence: Evidence, parameters: np.ndarray) -> np.nd
     scene = raycast.RayScene((body.vertices, body.faces))
     far = scene.cast(evidence.fitted_rays).distance.astype(np.float64)
     difference = (far - evidence.ray_depth) / evidence.ray_sigma
-    # Whether a ray meets the body takes less time than where.
-    covered = (scene.occluded(outline.fitted_rays, np.inf) | outline.inside) & ~outline.outside
+    covered = (outline.met(scene) | outline.inside) & ~outline.outside
     excess = (covered.sum(axis=1) * STEP_PX - REACH_PX - STEP_PX / 2) / SIGMA_PX
     prior = np.zeros(len(parameters))
     if model.expected is not None:
