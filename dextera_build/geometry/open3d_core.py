@@ -1,4 +1,4 @@
-"""Open3D without its viewers, which load dash, plotly and IPython: half of the time of the import, and nothing here draws.
+"""Open3D without its viewers, which load dash, plotly and IPython in half of the time of its import.
 
 `open3d.visualization` is loaded when somebody asks for it.
 """

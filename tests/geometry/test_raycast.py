@@ -38,7 +38,7 @@ def test_the_nearer_surface_wins_and_empty_pixels_are_zero():
 
 def test_rays_are_occluded_where_they_hit():
     rng = np.random.default_rng(0)
-    corners = rng.uniform(-0.3, 0.3, (40, 3)) + [0.0, 0.0, 2.0]
+    corners = rng.uniform(-0.3, 0.3, (40, 3)) + np.array([0.0, 0.0, 2.0])
     scene = raycast.RayScene((corners, rng.integers(0, 40, (60, 3))))
     rays = np.zeros((5000, 6), np.float32)
     rays[:, 3:] = np.column_stack([rng.normal(0.0, 0.1, (5000, 2)), np.ones(5000)])
