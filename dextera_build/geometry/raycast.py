@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dextera_build.geometry import cameras, transforms
+from dextera_build.geometry import cameras, open3d_core, transforms
 
 NOTHING = np.uint32(0xFFFFFFFF)
 
@@ -41,7 +41,7 @@ class RayScene:
     """
 
     def __init__(self, *meshes: tuple[np.ndarray, np.ndarray], threads: int = 1) -> None:
-        import open3d as o3d
+        o3d = open3d_core.loaded()
 
         self._tensor = o3d.core.Tensor
         self._scene = o3d.t.geometry.RaycastingScene(nthreads=threads)
@@ -130,18 +130,6 @@ def cast(surfaces: Sequence[Surface], rays: np.ndarray) -> Render:
     normal = np.where(hit[..., None], hits.normals, 0.0).astype(np.float64)
     depth = np.where(hit, hits.distance, np.inf).astype(np.float64)
     return Render(depth, index, face, corner, normal)
-
-
-def distances(surfaces: Sequence[Surface], rays: np.ndarray) -> np.ndarray:
-    """Distances (...) float32 of the first hits of free rays, as `depth` of `cast`; infinite without a hit.
-
-    A fast path for fits, which cast some thousand times.
-
-    Args:
-        surfaces: The scene; not empty.
-        rays: (..., 6) float32 origin and direction in the world frame.
-    """
-    return _prepared(surfaces).cast(rays).distance
 
 
 class Sorted(tuple[Surface, ...]):

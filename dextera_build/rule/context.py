@@ -310,7 +310,7 @@ class Context(Calling, Generic[B]):
         """Add a picture to the report: (H, W, 3) uint8 sRGB."""
         from dextera_build.artifacts.cameras.image import png
 
-        self.outcome.previews.append((caption, png(pixels)))
+        self.outcome.previews.append((caption, png(pixels, level=1)))
 
     def metric(self, name: str, value: float, unit: str = "") -> None:
         """Add a number to the report and `dxb show`."""

@@ -43,6 +43,8 @@ _READ_ONCE = (
     "TZ",
 )
 """Variables that libraries read when they load, so that restoring them is too late."""
+_OF_THREADS = 1 << 31 | 1 << 32
+"""Signals 32 and 33, which the C library handles from the first thread of a process on; nobody else can use them."""
 _SEEDED = ("random", "numpy.random", "torch")
 """Modules with a random state of the process, as new after their function `seed`."""
 _STDLIB, _DXB = sysconfig.get_path("stdlib") + os.sep, str(Path(__file__).parents[1]) + os.sep
@@ -80,7 +82,8 @@ class Leftovers:
         yield "module search path", tuple(sys.path)
         yield "output", [(os.fstat(number).st_dev, os.fstat(number).st_ino) for number in (1, 2)]
         with open("/proc/self/status") as status:
-            yield "signal handlers", re.findall(r"^Sig(?:Blk|Ign|Cgt):.*", status.read(), re.MULTILINE)
+            found = re.findall(r"^Sig(?:Blk|Ign|Cgt):\s*(\w+)", status.read(), re.MULTILINE)
+        yield "signal handlers", [int(mask, 16) & ~_OF_THREADS for mask in found]
         yield "signal handler", [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
         yield "timer", [signal.getitimer(kind)[0] > 0 for kind in (signal.ITIMER_REAL, signal.ITIMER_VIRTUAL)]
         yield "limits", [resource.getrlimit(number) for number in _LIMITS]

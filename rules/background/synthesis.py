@@ -35,10 +35,10 @@ def membrane(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     back = cv2.resize(coarse, known.shape[::-1], interpolation=cv2.INTER_LINEAR).reshape(values.shape)
     filled = np.where(known[..., None], values, back).astype(np.float32)
     # A few relaxation sweeps remove the pyramid's blocks.
+    kept, mask = values.astype(np.float32), known.astype(np.uint8)
     for _ in range(8):
-        smooth = cv2.blur(filled, (3, 3)).reshape(values.shape)
-        filled = np.where(known[..., None], values, smooth)
-    return filled
+        filled = cv2.copyTo(kept, mask, cv2.blur(filled, (3, 3)))
+    return filled.reshape(values.shape)
 
 
 def smooth_part(image: np.ndarray, known: np.ndarray, sigma: float) -> np.ndarray:
@@ -83,16 +83,20 @@ def _quilt(detail: np.ndarray, hole: np.ndarray, good: np.ndarray, traits: np.nd
     traits = np.pad(traits, (*rim, (0, 0)), mode="edge")
     search = _Search(work, known, traits, window)
     fixed = known.copy()
-    waiting = _tiles(open_, tile)
-    while waiting and search.possible:
-        counts = [np.count_nonzero(known[_box(t, reach, window)]) for t in waiting]
-        corner = waiting.pop(int(np.argmax(counts)))
+    corners = np.array(_tiles(open_, tile))
+    counts = np.array([np.count_nonzero(known[_box(corner, reach, window)]) for corner in corners])
+    for _ in corners if search.possible else ():
+        chosen = int(np.argmax(counts))
+        corner = corners[chosen]
         area = _box(corner, reach, window)
         patch = search.best(work[area], known[area], np.median(traits[area], axis=(0, 1)))
         fresh = open_[area] & ~fixed[area]
         blend = _feather(known[area], reach)[..., None]
         work[area] = np.where(fresh[..., None], work[area] * (1 - blend) + patch * blend, work[area])
         known[area] |= fresh
+        counts[chosen] = -1
+        for near in np.flatnonzero((np.abs(corners - corner) < window).all(axis=1) & (counts >= 0)):
+            counts[near] = np.count_nonzero(known[_box(corners[near], reach, window)])
     return np.asarray(work[rim[0][0] : rim[0][0] + detail.shape[0], rim[1][0] : rim[1][0] + detail.shape[1]])
 
 
@@ -112,30 +116,33 @@ class _Search:
         side = window // SHRINK
         rows, columns = (n - side + 1 for n in self._small.shape)
         self._coarse = _thinned(self._free)[:rows, :columns]
-        middle = _thinned(traits[window // 2 :, window // 2 :])[:rows, :columns]
-        self._colour, self._blur = middle[..., :3], middle[..., 3]
+        self._places = np.argwhere(self._coarse)
+        middle = _thinned(traits[window // 2 :, window // 2 :])[:rows, :columns][self._coarse]
+        self._colour, self._blur = middle[:, :3], middle[:, 3]
         square, mean = (
             cv2.boxFilter(p, -1, (side, side), anchor=(0, 0))[:rows, :columns] for p in (self._small**2, self._small)
         )
-        self._spread = np.sqrt(np.maximum(square - mean**2, 0.0))
-        self.possible = bool(self._coarse.any())
+        self._spread = np.sqrt(np.maximum(square - mean**2, 0.0))[self._coarse]
+        self.possible = len(self._places) > 0
 
     def best(self, target: np.ndarray, context: np.ndarray, traits: np.ndarray) -> np.ndarray:
         """The window that best matches `target` within `context`, from a location with similar `traits` (4,)."""
         grey = target.mean(axis=-1)
         cost = self._cost(_shrunk(grey), _thinned(context))
-        cost = cost + COLOUR * np.abs(self._colour - traits[:3]).mean(axis=-1)
-        most = COARSER * max(float(traits[3]), float(self._blur[self._coarse].min()))
-        cost = np.where(self._coarse & (self._blur <= most), cost, np.inf)
-        row, column = (SHRINK * int(n) for n in np.unravel_index(int(np.argmin(cost)), cost.shape))
+        apart = np.abs(self._colour - traits[:3])
+        cost = cost + COLOUR * ((apart[:, 0] + apart[:, 1] + apart[:, 2]) / 3)
+        most = COARSER * max(float(traits[3]), float(self._blur.min()))
+        cost = np.where(self._blur <= most, cost, np.inf)
+        row, column = (SHRINK * int(n) for n in self._places[int(np.argmin(cost))])
         row, column = self._refined(row, column, grey, context)
         return np.asarray(self._texture[row : row + self._window, column : column + self._window])
 
     def _cost(self, wanted: np.ndarray, context: np.ndarray) -> np.ndarray:
         if context.sum() < 4:
-            return np.zeros(self._coarse.shape)
+            return np.zeros(len(self._places))
         # Correlation, because least squares favours flat patches.
         fit = _correlation(self._small, wanted, context)[: self._coarse.shape[0], : self._coarse.shape[1]]
+        fit = fit[self._coarse]
         spread = float(np.std(wanted[context]))
         return np.asarray(CONTRAST * np.abs(np.log((self._spread + 1.0) / (spread + 1.0))) - fit)
 

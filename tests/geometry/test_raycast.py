@@ -36,12 +36,15 @@ def test_the_nearer_surface_wins_and_empty_pixels_are_zero():
     assert raycast.render([], K, np.eye(4), 4, 5).index.max() == -1
 
 
-def test_distances_are_those_of_hits_alone():
-    rays = np.zeros((3, 6), np.float32)
-    rays[:, 3:] = [[0, 0, 1], [0, 0, 4], [0, 0, -1]]
-    far = raycast.distances([raycast.Surface(SQUARE, TWO)], rays)
-    np.testing.assert_allclose(far, [2.0, 0.5, np.inf], rtol=1e-6)
-    np.testing.assert_array_equal(far, raycast.cast([raycast.Surface(SQUARE, TWO)], rays).depth)
+def test_rays_are_occluded_where_they_hit():
+    rng = np.random.default_rng(0)
+    corners = rng.uniform(-0.3, 0.3, (40, 3)) + np.array([0.0, 0.0, 2.0])
+    scene = raycast.RayScene((corners, rng.integers(0, 40, (60, 3))))
+    rays = np.zeros((5000, 6), np.float32)
+    rays[:, 3:] = np.column_stack([rng.normal(0.0, 0.1, (5000, 2)), np.ones(5000)])
+    hit = np.isfinite(scene.cast(rays).distance)
+    assert 0.1 < hit.mean() < 0.9
+    np.testing.assert_array_equal(scene.occluded(rays, np.inf), hit)
 
 
 def test_a_texture_stands_upright():

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import random
+import subprocess
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -45,3 +47,18 @@ def test_what_a_task_leaves_does_not_reach_the_next_one(pool: LocalExecutor, kin
     assert after["state"] == before["state"]
     assert after["drawn"] != [random.Random(1).random(), np.random.RandomState(1).random()]
     assert (after["pid"] == before["pid"]) == (kind in RESTORED)
+
+
+def test_a_worker_stays_although_a_task_started_its_first_thread() -> None:
+    # The C library handles signal 33 from the first thread on, so a new process is needed.
+    code = """if True:
+        import threading
+        from dextera_build.workers.leftovers import Leftovers
+        noted = Leftovers()
+        thread = threading.Thread(target=len, args=("",))
+        thread.start()
+        thread.join()
+        print(repr(noted.clear()))
+    """
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout == "''\n"

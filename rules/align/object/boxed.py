@@ -10,7 +10,7 @@ from dextera_build.artifacts.objects.object import Body, Placement
 from dextera_build.artifacts.objects.view import Seen
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import RuleError
-from dextera_build.geometry import kinematics, metrics, registration, transforms
+from dextera_build.geometry import kinematics, metrics, open3d_core, registration, transforms
 from dextera_build.geometry.registration import ScaledPose
 
 from . import model_view
@@ -73,7 +73,7 @@ def sim3_icp(
         starts: Initial similarities.
         backwards: Register the seen points to the whole model, instead of the model to the seen points.
     """
-    import open3d as o3d
+    o3d = open3d_core.loaded()
 
     size = float(np.linalg.norm(np.ptp(seen, axis=0)))
     clouds = [o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)) for points in (model, seen)]

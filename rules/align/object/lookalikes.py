@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy import ndimage
 
 from dextera_build.artifacts.objects.object import Body
 from dextera_build.artifacts.objects.view import Seen
@@ -81,6 +80,8 @@ def _likeness(model: ModelView, body: Body, seen: Seen, placed: ScaledPose) -> f
 
 def _smooth(picture: np.ndarray, where: np.ndarray) -> np.ndarray:
     """Colours (N, 3) of the pixels `where`, averaged over neighbours in it, because borders are inexact by a pixel."""
+    from scipy import ndimage  # a plan imports this module
+
     weight = ndimage.uniform_filter(where.astype(np.float64), 3)
     sums = ndimage.uniform_filter(np.where(where[..., None], picture, 0.0), (3, 3, 1))
     return np.asarray((sums / np.maximum(weight, 1e-9)[..., None])[where])

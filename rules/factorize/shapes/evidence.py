@@ -11,6 +11,7 @@ import numpy as np
 from dextera_build.artifacts.objects.view import Seen
 from dextera_build.geometry import cameras, planes, regions, transforms
 from dextera_build.geometry.depth_view import DepthView
+from dextera_build.geometry.raycast import RayScene
 
 MISFIT = 0.0005
 """Standard deviation of a surface from a fitted body at 1 m, in addition to the noise and like it proportional to the
@@ -28,6 +29,8 @@ STEEPEST = 0.3
 """Change of height over the size of a pixel below which a surface is level; of an upright one it is over 0.4."""
 STEP_PX = 0.75
 """Spacing of the rays across the silhouette [px]."""
+COARSE = 4
+"""Every so many rays across the silhouette, one is cast first; it divides their number less one."""
 STEP_M, STEP_SIGMAS = 0.006, 4.0
 """Depth difference above which two surfaces are apart: [m], and in addition in standard deviations."""
 
@@ -39,6 +42,27 @@ class Silhouette:
     rays: np.ndarray  # (S, T, 6) origin and direction in the world frame
     inside: np.ndarray  # (S, T) bool, beyond the far side of the body; treated as covered
     outside: np.ndarray  # (S, T) bool, beyond a gap in the mask; treated as empty
+
+    def met(self, body: RayScene) -> np.ndarray:
+        """Whether each ray meets a body, (S, T) bool; a part or a gap that lies between every fourth ray is not seen.
+
+        Most rays are far from the border of the body, and fits ask a thousand times.
+        """
+        sparse, between = self._split
+        ends = body.occluded(sparse, np.inf)
+        found = np.repeat(ends, COARSE, axis=1)[:, : self.rays.shape[1]]
+        place, part = np.nonzero(ends[:, 1:] != ends[:, :-1])
+        inner = found[:, :-1].reshape(len(found), -1, COARSE)
+        inner[place, part, 1:] = body.occluded(between[place, part], np.inf)
+        found[:, :-1] = inner.reshape(len(found), -1)
+        return found
+
+    @cached_property
+    def _split(self) -> tuple[np.ndarray, np.ndarray]:
+        """Float32 rays (S, T / COARSE + 1, 6) at even intervals, and those inside, (S, T / COARSE, COARSE - 1, 6)."""
+        rays = self.rays.astype(np.float32)
+        inner = rays[:, :-1].reshape(len(rays), -1, COARSE, 6)[:, :, 1:]
+        return np.ascontiguousarray(rays[:, ::COARSE]), np.ascontiguousarray(inner)
 
 
 @dataclass(frozen=True)
@@ -62,8 +86,8 @@ class Evidence(DepthView):
 
     @cached_property
     def fitted_rays(self) -> np.ndarray:
-        """Rays (P + S T, 6) float32 that a fit casts: those of the core, then those across the silhouette."""
-        return np.concatenate([self.rays, self.silhouette.rays.reshape(-1, 6)]).astype(np.float32)
+        """Rays (P, 6) float32 of which a fit asks the depth."""
+        return self.rays.astype(np.float32)
 
     @property
     def point_sigma(self) -> np.ndarray:

@@ -20,6 +20,9 @@ from .refine import Model
 TURNED_COST = 0.02
 """Additional complexity of a vessel that does not stand upright."""
 
+COSTS = {"mirrored": mirrored.COST}
+"""Complexity of the families that are slow to propose, by name."""
+
 
 @dataclass(frozen=True)
 class Finished:

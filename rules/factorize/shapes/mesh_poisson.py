@@ -9,7 +9,7 @@ from pydantic import PositiveInt
 
 from dextera_build.artifacts.objects.object import Shape
 from dextera_build.artifacts.objects.view import ObjectView, Seen
-from dextera_build.geometry import repair, solids
+from dextera_build.geometry import open3d_core, repair, solids
 from dextera_build.geometry.solids import Solid
 from dextera_build.rule import Backend, Context, Options
 
@@ -50,7 +50,7 @@ def complete(
 
 
 def _surface(ctx: Context, evidence: Evidence, depth: int) -> Solid:
-    import open3d as o3d
+    o3d = open3d_core.loaded()
 
     points, normals = evidence.points, evidence.normals
     known = np.linalg.norm(normals, axis=1) > 0.5

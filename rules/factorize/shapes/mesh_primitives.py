@@ -16,8 +16,8 @@ from ..measured import Measurements
 from . import evidence as evidence_of
 from .families.names import GENERAL, HYPOTHESES
 from .fitted import Fitted, best_of, fitted_of, shape_of
-from .hypotheses import propose
-from .scoring import judge
+from .hypotheses import COSTS, propose
+from .scoring import BEST, judge
 from .shaped import lifted
 from .standing_hull import standing_hull
 
@@ -83,6 +83,8 @@ def _fits(ctx: Context, evidence: evidence_of.Evidence, options: PrimitivesOptio
     for done, name in enumerate(names):
         if name in GENERAL and max((found.score for found in fitted), default=0.0) >= options.explained:
             break
+        if _is_out(name, fitted):
+            continue
         ctx.progress(done, len(names), name)
         try:
             fitted += [
@@ -92,6 +94,12 @@ def _fits(ctx: Context, evidence: evidence_of.Evidence, options: PrimitivesOptio
         except (ArithmeticError, ValueError, IndexError, np.linalg.LinAlgError) as error:
             ctx.warn(f"{name} was not tried: {type(error).__name__}: {error}")
     return fitted
+
+
+def _is_out(name: str, fitted: list[Fitted]) -> bool:
+    """Whether a family is behind the two best whatever its fit, because of its complexity: neither result nor rival."""
+    behind = sorted(found.score for found in fitted)[:-1]
+    return bool(behind) and BEST - COSTS.get(name, 0.0) < behind[-1]
 
 
 def _stand_in(ctx: Context, evidence: evidence_of.Evidence, seen: Seen, common: MeshOptions, why: str) -> Shape:

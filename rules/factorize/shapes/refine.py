@@ -159,11 +159,10 @@ def residuals(model: Model, evidence: Evidence, parameters: np.ndarray) -> np.nd
     """Depth, silhouette and prior residuals in standard deviations: (rays + places + smooth rows + parameters,)."""
     body = model.build(parameters)
     outline = evidence.silhouette
-    count = len(evidence.rays)
-    far = raycast.distances([raycast.Surface(body.vertices, body.faces)], evidence.fitted_rays)
-    difference = (far[:count].astype(np.float64) - evidence.ray_depth) / evidence.ray_sigma
-    covered = np.isfinite(far[count:]).reshape(outline.inside.shape)
-    covered = (covered | outline.inside) & ~outline.outside
+    scene = raycast.RayScene((body.vertices, body.faces))
+    far = scene.cast(evidence.fitted_rays).distance.astype(np.float64)
+    difference = (far - evidence.ray_depth) / evidence.ray_sigma
+    covered = (outline.met(scene) | outline.inside) & ~outline.outside
     excess = (covered.sum(axis=1) * STEP_PX - REACH_PX - STEP_PX / 2) / SIGMA_PX
     prior = np.zeros(len(parameters))
     if model.expected is not None:

@@ -11,6 +11,8 @@ from dextera_build.geometry.solids import Solid
 
 from .evidence import Evidence, step
 
+BEST = 1.0
+"""Score of a body of no complexity that explains everything."""
 DEPTH_WEIGHT = 0.5
 """Cost of a wrong depth at every pixel, relative to an overlap of 1."""
 WRONG = 6.0

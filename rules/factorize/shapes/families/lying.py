@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.geometry import lie, solids, transforms
+from dextera_build.geometry import curves, lie, solids, transforms
 from dextera_build.geometry.solids import Solid
 
 from ..evidence import Evidence
@@ -55,10 +55,8 @@ def lying(evidence: Evidence) -> Model:
 
 def body(p: np.ndarray, knots: int = 9, facets: int = FACETS) -> Solid:
     """The body in its own frame: axis along x, z up, the middle of the axis at the origin."""
-    from scipy.interpolate import PchipInterpolator
-
     places = np.linspace(-0.5, 0.5, knots)
-    widths = PchipInterpolator(np.linspace(-0.5, 0.5, KNOTS), p[_FIRST:])(places)
+    widths = curves.monotone(np.linspace(-0.5, 0.5, KNOTS), p[_FIRST:], places)
     turn = np.arange(facets) * 2.0 * np.pi / facets
     circle = np.stack([np.zeros(facets), np.cos(turn), p[6] * np.sin(turn)], axis=-1)
     along = np.zeros((knots, 1, 3))

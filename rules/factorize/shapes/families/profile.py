@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dextera_build.geometry import solids
+from dextera_build.geometry import curves, solids
 from dextera_build.geometry.solids import Solid
 
 from .box import SMALLEST_M, upright
@@ -36,11 +36,9 @@ class Profile:
 
     def finer(self, count: int) -> Profile:
         """The same profile at `count` heights, interpolated by a smooth curve without overshoot."""
-        from scipy.interpolate import PchipInterpolator
-
         heights = np.linspace(0.0, self.heights[-1], count)
-        a, b = (np.asarray(PchipInterpolator(self.heights, curve)(heights)) for curve in (self.a, self.b))
-        wall = None if self.wall is None else np.asarray(PchipInterpolator(self.heights, self.wall)(heights))
+        a, b = (curves.monotone(self.heights, curve, heights) for curve in (self.a, self.b))
+        wall = None if self.wall is None else curves.monotone(self.heights, self.wall, heights)
         return Profile(heights, a, b, self.exponent, wall, self.floor)
 
     def outer(self, facets: int) -> np.ndarray:
