@@ -7,7 +7,7 @@ import numpy as np
 from ..evidence import Evidence
 from ..refine import Model
 from .box import LARGEST_M, SMALLEST_M
-from .profile import THINNEST_M, Layout
+from .profile import ROUND_M, THINNEST_M, Layout
 from .revolution import axis, cavity_floor, outer_radii
 
 CYLINDER = Layout(knots=2)
@@ -39,7 +39,7 @@ def revolved(evidence: Evidence, *, hollow: bool, wall_m: float) -> tuple[Layout
     radii = outer_radii(evidence, centre, typical, np.linspace(0.0, height, layout.knots))
     start = [*centre, height, *radii]
     if hollow:
-        start += [wall_m] * layout.knots + [cavity_floor(evidence, centre, typical, wall_m)]
+        start += [wall_m] * layout.knots + [cavity_floor(evidence, centre, typical, wall_m), ROUND_M]
     name = "revolved_hollow" if hollow else "revolved"
     return layout, model(layout, name, [np.array(start)], wall_m)
 
@@ -75,8 +75,9 @@ def model(layout: Layout, name: str, starts: list[np.ndarray], wall_m: float) ->
         high, spread = high + [1.6] * layout.ratios, spread + [0.4] * layout.ratios
     if layout.hollow:
         thick = max(4 * wall_m, 0.3 * float(layout.split(starts[0])[1].max()))
-        steps, low = steps + [0.0015] * knots + [0.003], low + [THINNEST_M] * (knots + 1)
-        high, spread = high + [thick] * knots + [0.9 * layout.height(starts[0])], spread + [0.004] * knots + [0.02]
+        deep = 0.9 * layout.height(starts[0])
+        steps, low = steps + [0.0015] * knots + [0.003, 0.003], low + [THINNEST_M] * (knots + 1) + [0.0]
+        high, spread = high + [thick] * knots + [deep, deep], spread + [0.004] * knots + [0.02, 0.01]
     return Model(
         name=name,
         build=layout.build,
