@@ -52,7 +52,9 @@ def _cuts(radii: np.ndarray, heights: np.ndarray) -> list[int]:
         start, end = cuts[-1], len(radii) - 1
         while end > start + 1:
             rise, run = heights[end] - heights[start], radii[end] - radii[start]
-            outwards = (radii[start : end + 1] - radii[start]) * rise - (heights[start : end + 1] - heights[start]) * run
+            outwards = (radii[start : end + 1] - radii[start]) * rise - (
+                heights[start : end + 1] - heights[start]
+            ) * run
             if outwards.max() <= BULGE_M * np.hypot(rise, run):
                 break
             end -= 1
