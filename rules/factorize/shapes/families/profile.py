@@ -77,7 +77,7 @@ class Profile:
 
 @dataclass(frozen=True)
 class Layout:
-    """Meaning of the parameters: x, y, [yaw, exponent], height, a by knot, [ratios b / a], [wall by knot, floor, rising]."""
+    """Parameters: x, y, [yaw, exponent], height, a by knot, [ratios b / a], [wall by knot, floor, rise]."""
 
     knots: int
     oval: bool = False
@@ -85,7 +85,7 @@ class Layout:
     hollow: bool = False
 
     def split(self, p: np.ndarray) -> list[np.ndarray]:
-        """Split the parameters: those before the half-axes, the half-axes, then ratios, walls, and floor with its rising."""
+        """Split the parameters: those before the half-axes, the half-axes, then ratios, walls, floor and rise."""
         own = [self.knots] + [self.ratios] * self.oval + [self.knots] * self.hollow
         return np.split(p, np.cumsum([5 if self.oval else 3, *own])[: 2 + self.oval + 2 * self.hollow - 1])
 
