@@ -88,8 +88,7 @@ def _of_size(outline: str, height: float, width: float) -> str:
     """The word of the thing with this outline whose height and width, as it stands, are nearest."""
     best = (math.inf, "")
     for thing in household.things():
-        word = thing.name.split()[-1]
-        if OUTLINES.get(word) != outline:
+        if OUTLINES.get(thing.word) != outline:
             continue
         tall, broad, deep = thing.sides_m
         # A can stands on its end; other things stand on any face. Turned about the vertical, they show one side or the
@@ -100,5 +99,5 @@ def _of_size(outline: str, height: float, width: float) -> str:
         for up, sides in faces:
             off = [math.log(height / up), math.log(width / float(np.clip(width, *sides)))]
             if max(abs(one) for one in off) < ALIKE + thing.sigma:
-                best = min(best, (math.hypot(*off), word))
+                best = min(best, (math.hypot(*off), thing.word))
     return best[1]

@@ -11,6 +11,9 @@ from .profile import ROUND_M, THINNEST_M, Layout
 from .revolution import axis, cavity_floor, outer_radii
 
 CYLINDER = Layout(knots=2)
+SHALLOW, FOOT = 0.7, 0.6
+"""Height over the radius below which a vessel is shallow, and the radius of the foot of such a vessel over that of its
+rim, where a fit starts."""
 
 
 def cylinder(evidence: Evidence) -> Model:
@@ -41,7 +44,13 @@ def revolved(evidence: Evidence, *, hollow: bool, wall_m: float) -> tuple[Layout
     if hollow:
         start += [wall_m] * layout.knots + [cavity_floor(evidence, centre, typical, wall_m), ROUND_M]
     name = "revolved_hollow" if hollow else "revolved"
-    return layout, model(layout, name, [np.array(start)], wall_m)
+    starts = [np.array(start)]
+    if hollow and height < SHALLOW * typical:
+        # Of a plate the camera sees hardly more than the inside: its outline fits a cone with its wide end down as well.
+        widest = float(np.quantile(np.linalg.norm(evidence.points[:, :2] - centre, axis=1), 0.98))
+        starts.append(starts[0].copy())
+        starts[1][3 : 3 + layout.knots] = np.linspace(FOOT * widest, widest, layout.knots)
+    return layout, model(layout, name, starts, wall_m)
 
 
 def oval(evidence: Evidence) -> tuple[Layout, Model]:
