@@ -20,6 +20,9 @@ from .household_things import ROWS
 
 UNKNOWN = 0.1
 """Probability that nothing of the table tells about a body."""
+NAMED_UNKNOWN, SAME_WORD = 0.05, 30.0
+"""The same of a body that is called by the last word of the name of some things, `can` or `bottle`, and the weight of
+these things over that of others; chosen, as `ALIKE`, on the things `shop`."""
 ALIKE = 0.3
 """Standard deviation of the logarithm of a side within which things tell about one another; it and `PACKED` are the
 smallest for which 90 % of the things `shop` lie in the interval that all other things give."""
@@ -58,6 +61,11 @@ class Thing:
     material: str
     """Key of the material table; empty: none of it."""
     source: str
+
+    @property
+    def word(self) -> str:
+        """The last word of its name: `can`."""
+        return self.name.split()[-1]
 
 
 @dataclass(frozen=True)
@@ -104,6 +112,7 @@ def mass_of(
     category: str,
     material: str,
     unknown: tuple[float, float, float],
+    word: str = "",
     known: Sequence[Thing] | None = None,
 ) -> Mass:
     """The mass of a body.
@@ -113,13 +122,16 @@ def mass_of(
         category: Its class by parsing.
         material: Key of its material if that is certain, else empty.
         unknown: The 5 %, 50 % and 95 % quantile of its mass if it is none of the things [kg].
+        word: What it is called, `can`; empty if only its shape is known.
         known: The table; None: `things()`.
     """
     from scipy.special import ndtr
 
     table = things() if known is None else known
     weights = np.array([_likeness(thing, sides_m, category, material) for thing in table])
-    shares = np.append(weights * (1.0 - UNKNOWN) / weights.sum(), UNKNOWN)
+    called = np.array([bool(word) and thing.word == word for thing in table])
+    weights, rest = np.where(called, SAME_WORD, 1.0) * weights, NAMED_UNKNOWN if called.any() else UNKNOWN
+    shares = np.append(weights * (1.0 - rest) / weights.sum(), rest)
     volume = float(np.prod(sides_m))
     centres = [math.log(math.sqrt(t.low_kg * t.high_kg) * volume / math.prod(t.sides_m)) for t in table]
     spreads = [math.hypot(math.log(t.high_kg / t.low_kg) / (2.0 * Z90), PACKED) for t in table]

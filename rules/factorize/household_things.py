@@ -112,6 +112,7 @@ small food can,cylinder,75,68,68,0.10,180,300,metal,shop
 fish tin,box,105,60,24,0.10,110,170,metal,shop
 paint can,cylinder,130,108,108,0.08,800,1500,metal,shop
 spray can,cylinder,200,55,55,0.10,200,450,metal,shop
+biscuit tin,cylinder,185,185,70,0.10,450,1000,metal,shop
 cocoa tin,cylinder,150,80,80,0.12,250,500,cardboard,shop
 salt shaker,cylinder,90,45,45,0.15,60,250,glass,shop
 spice jar,cylinder,105,45,45,0.12,80,200,glass,shop

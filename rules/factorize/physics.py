@@ -98,7 +98,7 @@ def physics(
         if len(links) == 1:
             ((label, link),) = links.items()
             certain = name if confidence == 1.0 else ""
-            links, source = _like_others(label, link, body.links[label], size, (traits.category, certain))
+            links, source = _like_others(label, link, body.links[label], size, (traits, certain))
     mass, low, high = (
         sum(getattr(link, name) for link in links.values()) for name in ("mass_kg", "mass_low_kg", "mass_high_kg")
     )
@@ -207,7 +207,7 @@ def _perhaps_empty(full: Inertial, link: Link, size: float, material: Material, 
 
 
 def _like_others(
-    label: str, link: Inertial, shape: Link, size: float, told: tuple[str, str]
+    label: str, link: Inertial, shape: Link, size: float, told: tuple[Traits, str]
 ) -> tuple[dict[str, Inertial], str]:
     """The link with the mass that things of a household of its size and shape have, and the source in words.
 
@@ -216,11 +216,13 @@ def _like_others(
         link: Its mass without the table, in SI units of the unscaled body like the result.
         shape: The link.
         size: Metres per unit of its mesh.
-        told: Category, and material if it is certain.
+        told: Its traits, and its material if that is certain.
     """
     sides = household.sides(size * shape.mesh.vertices.astype(np.float64))
     alone = (link.mass_low_kg * size**3, link.mass_kg * size**3, link.mass_high_kg * size**3)
-    found = household.mass_of(sides, *told, alone)
+    traits, certain = told
+    word = traits.word if traits.word != traits.category else ""
+    found = household.mass_of(sides, traits.category, certain, alone, word)
     source = f"things of this size and shape, like {' and '.join(found.likely)}"
     low, middle, high = (kg / size**3 for kg in (found.low_kg, found.middle_kg, found.high_kg))
     more = middle / link.mass_kg

@@ -68,6 +68,8 @@ class Traits(Artifact):
     """See `Element.material_confidence`."""
     cut: bool = False
     """See `Element.cut`."""
+    word: str = ""
+    """See `Element.word`; what the thing is called, if that says more than its category."""
     joints: tuple[JointHint, ...] = ()
     """See `Element.joints`."""
 

@@ -1,4 +1,4 @@
-"""Descriptive words for unnamed objects: colour, shape class, material."""
+"""Descriptive words for unnamed objects: colour, everyday word or shape class, material."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dextera_build.artifacts.objects.object import Element
 
 from ..regions.heights import Relief
 from ..regions.proposals import Proposal
+from .nouns import noun
 
 HUES = (
     (20.0, "pink"),
@@ -26,6 +27,8 @@ INWARD, VESSEL, SOLID = 0.12, 0.2, 0.04
 """Fraction of the seen surface that faces the object's centre: above 0.2 for bowls and mugs, below 0.04 for solids."""
 FLAT = 0.75
 """Fraction of the seen surface in flat faces above which a body is a box."""
+LEVEL = 0.9
+"""Smallest upward component of the normal of a level surface."""
 SURE, UNSURE = 0.9, 0.5
 """Confidence of the material for a clearly recognised shape class, and for a shape at the boundary between two
 classes."""
@@ -73,6 +76,14 @@ def material_confidence(proposal: Proposal, shape: str) -> float:
     return UNSURE + (SURE - UNSURE) * float(np.clip(margin, 0.0, 1.0))
 
 
+def word(proposal: Proposal, relief: Relief, eye: np.ndarray, shape: str) -> str:
+    """What the thing is called: an everyday word if its outline and size tell it, else its shape class."""
+    if shape not in ("cylinder", "object") or proposal.static or proposal.cut:
+        return shape
+    level = sum(share for normal, share in proposal.facets if normal[2] > LEVEL)
+    return noun(relief.points[proposal.mask & relief.valid], eye, level, bent=shape == "cylinder") or shape
+
+
 def _flat(proposal: Proposal) -> float:
     return float(sum(share for _, share in proposal.facets))
 
@@ -83,19 +94,20 @@ def _square(facets: tuple[tuple[np.ndarray, float], ...]) -> bool:
     return bool((cosines < np.cos(np.radians(65))).all())
 
 
-def elements(proposals: tuple[Proposal, ...], relief: Relief, lab: np.ndarray) -> tuple[Element, ...]:
-    """One uniquely named element per proposal, in the same order."""
+def elements(proposals: tuple[Proposal, ...], relief: Relief, lab: np.ndarray, eye: np.ndarray) -> tuple[Element, ...]:
+    """One uniquely named element per proposal, in the same order; `eye` is the position (3,) of the camera [m]."""
     found: list[Element] = []
     taken: set[str] = set()
     for proposal in proposals:
         shape = shape_class(proposal, relief)
         colour = colour_word(lab[proposal.mask])
-        base = "fixture" if proposal.static else f"{colour}_{shape}"
+        called = word(proposal, relief, eye, shape)
+        base = "fixture" if proposal.static else f"{colour}_{called}"
         found.append(
             Element(
                 name=unique(base, taken),
                 category="room" if proposal.static else shape,
-                phrase=f"{colour} {shape}" if proposal.cut else base.replace("_", " "),
+                phrase=f"{colour} {called}" if proposal.cut else base.replace("_", " "),
                 body_type="articulated" if shape == "laptop" and not proposal.static else "rigid",
                 interactive=not proposal.static,
                 box=proposal.box,

@@ -12,7 +12,7 @@ from ..regions.proposals import colour_lab, scenery
 from . import naming
 
 BACKEND = Backend(
-    summary="surface patches above the support, named by colour and shape",
+    summary="surface patches above the support, named by colour, and by outline and size or shape",
     profiles=("cpu",),
     packages=("numpy", "scipy", "opencv-python-headless"),
     extra="twin",
@@ -24,6 +24,6 @@ def propose(ctx: Context, photograph: Photograph, measured: Measurements[Workspa
     workspace = measured.needed()
     level, turns = workspace.upright(), workspace.turns
     seen = scenery(level)
-    found = naming.elements(seen.objects, seen.relief, colour_lab(level.pixels))
+    found = naming.elements(seen.objects, seen.relief, colour_lab(level.pixels), level.world_from_camera[:3, 3])
     size = (level.camera.width, level.camera.height)
     return Elements(elements=turned_elements(found, size, -turns), regions=turned(seen.labels, -turns))

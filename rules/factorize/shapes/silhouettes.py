@@ -16,7 +16,7 @@ from dextera_build.geometry.solids import Solid
 
 from .evidence import Evidence
 from .families import box, lofted
-from .families.profile import Layout
+from .families.profile import ROUND_M, Layout
 from .hypotheses import Candidate, lofted_candidate, standing_box, upright_cylinder
 from .refine import Model
 
@@ -97,7 +97,7 @@ def candidates(evidence: Evidence, seen: Frame, wall_m: float, *, hollow: bool) 
     layout = Layout(knots=KNOTS, hollow=hollow)
     profiles = [np.array([*cone[:3], *np.linspace(cone[3], cone[4], KNOTS)]) for cone in cones]
     profiles.append(np.array([*cones[0][:3], *_radii(evidence, cones[0][:4])]))
-    walls = [wall_m] * (KNOTS + 1) if hollow else []
+    walls = [*[wall_m] * (KNOTS + 1), ROUND_M] if hollow else []
     starts = [np.array([*profile, *walls]) for profile in profiles]
     name = "revolved_hollow" if hollow else "revolved"
     revolved = lofted_candidate(layout, lofted.model(layout, name, starts, wall_m), wall_m)

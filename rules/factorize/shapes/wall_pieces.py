@@ -9,7 +9,7 @@ import numpy as np
 SECTORS = 20
 """Number of slabs around the ring; their inner faces are chords and fill 1.6 % of a round cavity."""
 BULGE_M = 0.0008
-"""A slab is split in height if its inner face would bulge further than this into the cavity [m]."""
+"""A slab is split in height if its inner face would bulge further than this into the cavity, square to it [m]."""
 
 
 def ring_walls(outer: np.ndarray, inner: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -51,9 +51,11 @@ def _cuts(radii: np.ndarray, heights: np.ndarray) -> list[int]:
     while cuts[-1] < len(radii) - 1:
         start, end = cuts[-1], len(radii) - 1
         while end > start + 1:
-            part = (heights[start : end + 1] - heights[start]) / (heights[end] - heights[start])
-            chord = radii[start] + part * (radii[end] - radii[start])
-            if (radii[start : end + 1] - chord).max() <= BULGE_M:
+            rise, run = heights[end] - heights[start], radii[end] - radii[start]
+            outwards = (radii[start : end + 1] - radii[start]) * rise - (
+                heights[start : end + 1] - heights[start]
+            ) * run
+            if outwards.max() <= BULGE_M * np.hypot(rise, run):
                 break
             end -= 1
         cuts.append(end)

@@ -22,10 +22,10 @@ def runner(tmp_path):
     return RuleRunner(tmp_path)
 
 
-def weigh(runner, body, proposed="plastic", category="object", world=(None, None), **options) -> Physics:
+def weigh(runner, body, proposed="plastic", category="object", world=(None, None), word="", **options) -> Physics:
     """`world` are the placement of the body and the support."""
     traits = object_views.view(body.links["base"].mesh, np.eye(4), material=proposed).traits
-    traits = traits.model_copy(update={"category": category})
+    traits = traits.model_copy(update={"category": category, "word": word})
     told = {name: value for name, value in zip(("placement", "support"), world, strict=True) if value is not None}
     return runner.run("factorize.physics", body=body, traits=traits, options=options, **told)
 
@@ -185,6 +185,20 @@ def test_a_carton_weighs_what_cartons_of_its_size_do_and_a_block_is_wood(runner)
     assert block.mass_low_kg > 0.4
     weighed = weigh(runner, object_views.body(carton), "cardboard", mass_kg=0.4).links["base"]
     assert weighed.mass_low_kg > 0.38
+
+
+def test_a_thing_with_a_word_weighs_what_such_things_do(runner):
+    """A can of soup of 349 g, 101 x 66 mm."""
+    rings = np.stack([solids.ring(0.033, 0.033, 2.0, z, 48) for z in (0.0, 0.101)])
+    body = object_views.body(object_views.mesh(solids.loft(rings)))
+    unnamed, named, shape = (
+        weigh(runner, body, category="cylinder", word=w).links["base"] for w in ("", "can", "cylinder")
+    )
+    assert named.mass_low_kg < 0.349 < named.mass_high_kg
+    assert named.mass_kg == pytest.approx(0.349, rel=0.25)
+    assert named.mass_high_kg / named.mass_low_kg < 0.5 * unnamed.mass_high_kg / unnamed.mass_low_kg
+    assert shape == unnamed, "its shape class is no word for it"
+    assert "can" in named.source
 
 
 def test_the_interval_of_a_vessel_is_that_of_its_walls(runner):

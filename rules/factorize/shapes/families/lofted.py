@@ -7,10 +7,13 @@ import numpy as np
 from ..evidence import Evidence
 from ..refine import Model
 from .box import LARGEST_M, SMALLEST_M
-from .profile import THINNEST_M, Layout
+from .profile import ROUND_M, THINNEST_M, Layout
 from .revolution import axis, cavity_floor, outer_radii
 
 CYLINDER = Layout(knots=2)
+SHALLOW, FOOT = 0.7, 0.6
+"""Height over the radius below which a vessel is shallow, and the radius of the foot of such a vessel over that of its
+rim, where a fit starts."""
 
 
 def cylinder(evidence: Evidence) -> Model:
@@ -39,9 +42,15 @@ def revolved(evidence: Evidence, *, hollow: bool, wall_m: float) -> tuple[Layout
     radii = outer_radii(evidence, centre, typical, np.linspace(0.0, height, layout.knots))
     start = [*centre, height, *radii]
     if hollow:
-        start += [wall_m] * layout.knots + [cavity_floor(evidence, centre, typical, wall_m)]
+        start += [wall_m] * layout.knots + [cavity_floor(evidence, centre, typical, wall_m), ROUND_M]
     name = "revolved_hollow" if hollow else "revolved"
-    return layout, model(layout, name, [np.array(start)], wall_m)
+    starts = [np.array(start)]
+    if hollow and height < SHALLOW * typical:
+        # Of a plate the camera sees hardly more than the inside: its outline fits a cone with its wide end down as well.
+        widest = float(np.quantile(np.linalg.norm(evidence.points[:, :2] - centre, axis=1), 0.98))
+        starts.append(starts[0].copy())
+        starts[1][3 : 3 + layout.knots] = np.linspace(FOOT * widest, widest, layout.knots)
+    return layout, model(layout, name, starts, wall_m)
 
 
 def oval(evidence: Evidence) -> tuple[Layout, Model]:
@@ -75,8 +84,9 @@ def model(layout: Layout, name: str, starts: list[np.ndarray], wall_m: float) ->
         high, spread = high + [1.6] * layout.ratios, spread + [0.4] * layout.ratios
     if layout.hollow:
         thick = max(4 * wall_m, 0.3 * float(layout.split(starts[0])[1].max()))
-        steps, low = steps + [0.0015] * knots + [0.003], low + [THINNEST_M] * (knots + 1)
-        high, spread = high + [thick] * knots + [0.9 * layout.height(starts[0])], spread + [0.004] * knots + [0.02]
+        deep = 0.9 * layout.height(starts[0])
+        steps, low = steps + [0.0015] * knots + [0.003, 0.003], low + [THINNEST_M] * (knots + 1) + [0.0]
+        high, spread = high + [thick] * knots + [deep, deep], spread + [0.004] * knots + [0.02, 0.01]
     return Model(
         name=name,
         build=layout.build,

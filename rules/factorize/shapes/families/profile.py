@@ -19,6 +19,10 @@ WALL_STEP_M = 0.0008
 """Standard deviation of the change of a wall's thickness from knot to knot [m]."""
 FLOOR_M = 0.003
 """Standard deviation of the difference between a floor and the wall above it [m]."""
+ROUND_M = 0.004
+"""Height over which a cavity's floor rises to the wall if it is not seen [m]."""
+ARC = 6
+"""Rings of the cavity over that height."""
 FACETS = 60
 """Corners of a finished cross-section; a multiple of `wall_pieces.SECTORS`."""
 
@@ -32,14 +36,15 @@ class Profile:
     b: np.ndarray  # (K,) [m]
     exponent: float = 2.0
     wall: np.ndarray | None = None  # (K,) wall thickness [m]; None makes it solid
-    floor: float = 0.0  # height of the cavity's floor [m]
+    floor: float = 0.0  # height of the cavity's floor at the axis [m]
+    rising: float = 0.0  # height over which the floor rises to the wall, in a quarter of an ellipse twice as wide [m]
 
     def finer(self, count: int) -> Profile:
         """The same profile at `count` heights, interpolated by a smooth curve without overshoot."""
         heights = np.linspace(0.0, self.heights[-1], count)
         a, b = (curves.monotone(self.heights, curve, heights) for curve in (self.a, self.b))
         wall = None if self.wall is None else curves.monotone(self.heights, self.wall, heights)
-        return Profile(heights, a, b, self.exponent, wall, self.floor)
+        return Profile(heights, a, b, self.exponent, wall, self.floor, self.rising)
 
     def outer(self, facets: int) -> np.ndarray:
         """Rings (K, facets, 3) of the outside, from the base up."""
@@ -50,10 +55,17 @@ class Profile:
         """Rings of the cavity, from the rim down to the floor."""
         if self.wall is None:
             return np.zeros((0, facets, 3))
-        heights = np.concatenate([[self.floor], self.heights[self.heights > self.floor + 1e-4]])
+        rising = float(np.clip(self.rising, 1e-6, 0.9 * (self.heights[-1] - self.floor)))
+        arc = self.floor + rising * (1.0 - np.cos(np.linspace(0.0, np.pi / 2, ARC)))
+        heights = np.sort(np.concatenate([arc, self.heights[self.heights > self.floor + 1e-4]]))
+        heights = heights[np.append(True, np.diff(heights) > 1e-4)]
         a, b, wall = (np.interp(heights, self.heights, curve) for curve in (self.a, self.b, self.wall))
-        a, b = np.maximum(a - wall, SMALLEST_M / 3), np.maximum(b - wall, SMALLEST_M / 3)
-        rows = list(zip(a, b, heights, strict=True))[::-1]
+        # A wide floor rises from the axis, a narrow one from twice its height away from the wall.
+        below = np.clip(1.0 - (heights - self.floor) / rising, 0.0, 1.0)
+        inset = 1.0 - np.sqrt(1.0 - below**2)
+        a, b = (half - wall - inset * np.clip(half - wall, 0.0, 2.0 * rising) for half in (a, b))
+        rows = [(max(x, SMALLEST_M / 3), max(y, SMALLEST_M / 3), z) for x, y, z in zip(a, b, heights, strict=True)]
+        rows.reverse()
         return np.stack([solids.ring(x, y, self.exponent, z, facets) for x, y, z in rows])
 
     def solid(self, facets: int) -> Solid:
@@ -63,7 +75,7 @@ class Profile:
 
 @dataclass(frozen=True)
 class Layout:
-    """Meaning of the parameters: x, y, [yaw, exponent], height, a by knot, [ratios b / a], [wall by knot, floor]."""
+    """Parameters: x, y, [yaw, exponent], height, a by knot, [ratios b / a], [wall by knot, floor, rise]."""
 
     knots: int
     oval: bool = False
@@ -71,7 +83,7 @@ class Layout:
     hollow: bool = False
 
     def split(self, p: np.ndarray) -> list[np.ndarray]:
-        """Split the parameters: those before the half-axes, the half-axes, then ratios, walls and floor."""
+        """Split the parameters: those before the half-axes, the half-axes, then ratios, walls, floor and rise."""
         own = [self.knots] + [self.ratios] * self.oval + [self.knots] * self.hollow
         return np.split(p, np.cumsum([5 if self.oval else 3, *own])[: 2 + self.oval + 2 * self.hollow - 1])
 
@@ -91,7 +103,8 @@ class Layout:
         if not self.hollow:
             return Profile(heights, a, b, exponent)
         wall = np.minimum(runs[-2], 0.8 * np.minimum(a, b))
-        return Profile(heights, a, b, exponent, wall, float(np.clip(p[-1], THINNEST_M, 0.9 * height)))
+        floor = float(np.clip(p[-2], THINNEST_M, 0.9 * height))
+        return Profile(heights, a, b, exponent, wall, floor, float(p[-1]))
 
     def pose(self, p: np.ndarray) -> np.ndarray:
         """T_world_object (4, 4)."""
@@ -114,7 +127,7 @@ class Layout:
     def bends(self, height: float) -> np.ndarray:
         """Rows (R, P) that map parameters to profile bends and wall changes, in standard deviations."""
         first = 5 if self.oval else 3
-        count = first + self.knots + self.oval * self.ratios + self.hollow * (self.knots + 1)
+        count = first + self.knots + self.oval * self.ratios + self.hollow * (self.knots + 2)
         rows = np.zeros((max(self.knots - 2, 0), count))
         for i in range(self.knots - 2):
             rows[i, first + i : first + i + 3] = [1.0, -2.0, 1.0]
@@ -124,6 +137,6 @@ class Layout:
             walls[i, first + self.knots + i : first + self.knots + i + 2] = [-1.0, 1.0]
         floor = np.zeros((1 if self.hollow else 0, count))
         if self.hollow:
-            floor[0, [first + self.knots, -1]] = [-1.0, 1.0]
+            floor[0, [first + self.knots, -2]] = [-1.0, 1.0]
         # Turns of up to about a quarter radian from knot to knot cost little.
         return np.concatenate([rows / (BEND_RAD * height / (self.knots - 1)), walls / WALL_STEP_M, floor / FLOOR_M])

@@ -51,7 +51,7 @@ def interactive(elements) -> dict[str, object]:
 @pytest.mark.medium
 def test_things_are_named_by_colour_and_shape(runner, fine):
     found = interactive(parsed(runner, fine))
-    assert set(found) == {"red_box", "white_bowl", "blue_cylinder"}
+    assert set(found) == {"red_box", "white_bowl", "blue_can"}
     assert found["white_bowl"].category == "bowl"
     assert found["white_bowl"].material == "ceramic"
     assert found["red_box"].phrase == "red box"
@@ -61,7 +61,7 @@ def test_things_are_named_by_colour_and_shape(runner, fine):
 @pytest.mark.medium
 def test_boxes_are_tight(runner, fine):
     found = interactive(parsed(runner, fine))
-    for number, name in enumerate(("red_box", "white_bowl", "blue_cylinder"), start=1):
+    for number, name in enumerate(("red_box", "white_bowl", "blue_can"), start=1):
         rows, columns = np.nonzero(fine.labels.labels == number)
         truth = np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1])
         assert np.abs(truth - found[name].box).max() <= 4, name
@@ -177,7 +177,7 @@ def test_the_same_photograph_gives_the_same_bytes(runner, three):
 
 @pytest.mark.medium
 def test_a_scene_file_renames_by_words_and_by_box(runner, fine):
-    left, top, right, bottom = interactive(parsed(runner, fine))["blue_cylinder"].box
+    left, top, right, bottom = interactive(parsed(runner, fine))["blue_can"].box
     text = f"""
 elements:
   - {{name: salad_bowl, phrase: a white bowl, material: plastic}}
@@ -208,7 +208,7 @@ def test_an_element_that_matches_nothing_lists_the_proposals(runner, fine):
         parsed(runner, fine, "elements:\n  - name: vase\n    phrase: green vase\n")
     assert caught.value.message == "`vase` matches nothing that stands out from the support"
     assert str(caught.value.where) == "$scene:2:5"
-    for name in ("red_box", "white_bowl", "blue_cylinder"):
+    for name in ("red_box", "white_bowl", "blue_can"):
         assert name in caught.value.facts["proposals"]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import yaml
 
 from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.objects.object import Support
 from dextera_build.artifacts.objects.view import Segmentation
 from dextera_build.testing import RuleRunner
 from rules.benchmark.instances import assign, overlaps
@@ -60,11 +61,16 @@ def labels(capture: str, shape: tuple[int, int]) -> np.ndarray:
 
 def segmented(runner: RuleRunner, capture: str) -> Segmentation:
     """The instances of a captured photograph, found by the default backends."""
+    return over_support(runner, capture)[0]
+
+
+def over_support(runner: RuleRunner, capture: str) -> tuple[Segmentation, Support]:
+    """The same, and the support that they stand on."""
     files = {name: (CAPTURES / capture / name).read_bytes() for name in ("rgb.png", "depth.png", "capture.json")}
     shot = factories.shot(runner.run("capture.folder", folder=Folder(files=files)))
     support = runner.run("align.support", **shot)
     elements = runner.run("factorize.parse", **shot, support=support)
-    return runner.run("factorize.segment", **shot, support=support, elements=elements)
+    return runner.run("factorize.segment", **shot, support=support, elements=elements), support
 
 
 def judge(capture: str, found: Segmentation) -> Judged:
