@@ -6,8 +6,8 @@ are kept. Every convex piece is cut by one plane, the one among the faces of bot
 separating axes of Gottschalk, Lin and Manocha 1996, without those of two edges), so it stays convex. A body that would
 lose too much is not cut: one of them is then part of the other, or a false detection.
 
-Undersides are never visible. A body that hovers slightly above the support, without a lower body nearby, gets feet that
-reach down to the support.
+Undersides are never visible. A body that hovers above the support, without a lower body nearby, gets feet that reach
+down to the support: wheels in the shadow of a bus are as high as 20 mm, and nobody sees them.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ TOUCH_M = 0.0002
 """Overlaps up to this depth are contacts [m]."""
 MOST_LOST = 0.3
 """Maximum fraction of the volume of a body's pieces that may be cut away."""
-HOVER_M, ALONE_M = (0.002, 0.012), 0.005
-"""A body at least the first distance above the support, and farther than the second from every lower body, gets feet
-[m]; a smaller gap causes no relevant fall."""
+HOVER_M, ALONE_M = (0.002, 0.03), 0.005
+"""A body at such a height above the support, and farther than the second distance from every lower body, gets feet [m]:
+a smaller gap causes no relevant fall, and what is higher hangs or stands on something hidden."""
 UNDERSIDE_M = 0.006
 """Corners up to this height above the lowest one get feet [m]."""
 
@@ -65,14 +65,12 @@ def parted(assets: Mapping[str, Asset], static: Sequence[np.ndarray]) -> Parted:
         static: Convex pieces of the static scene by their corners (V, 3) [m]; they are never cut.
     """
     bodies = {label: _Body.of(asset) for label, asset in sorted(assets.items())}
-    feet = {}
+    room = [Convex(corners) for corners in static]
+    feet, cuts = {}, []
     for label, body in bodies.items():
-        lower = [other for other in bodies.values() if other.low[2] < body.low[2]]
-        if HOVER_M[0] < body.low[2] <= HOVER_M[1] and not any(body.near(other, ALONE_M) for other in lower):
+        if HOVER_M[0] < body.low[2] <= HOVER_M[1] and body.is_alone([*bodies.values()], room):
             feet[label] = float(body.low[2])
             body.stand()
-    room = [Convex(corners) for corners in static]
-    cuts = []
     for label, body in bodies.items():
         if tried := body.cut_by(room):
             cuts.append(body.take(tried, label, ""))
@@ -135,7 +133,13 @@ class _Body:
         """Upper corner (3,) of the box around it [m]."""
         return np.asarray(np.max([piece.high for piece in self.all()], axis=0))
 
-    def near(self, other: _Body, gap: float) -> bool:
+    def is_alone(self, bodies: Sequence[_Body], room: Sequence[Convex]) -> bool:
+        """Whether nothing that reaches lower than its underside, and above the support, is near."""
+        lower: list[_Body | Convex] = [other for other in bodies if other.low[2] < self.low[2]]
+        lower += [piece for piece in room if piece.high[2] > HOVER_M[0]]
+        return not any(self.near(other, ALONE_M) for other in lower)
+
+    def near(self, other: _Body | Convex, gap: float) -> bool:
         """Whether the bounding boxes are closer than `gap` [m]."""
         return bool((self.low - gap < other.high).all() and (other.low - gap < self.high).all())
 
