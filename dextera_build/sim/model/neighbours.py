@@ -7,7 +7,9 @@ separating axes of Gottschalk, Lin and Manocha 1996, without those of two edges)
 lose too much is not cut: one of them is then part of the other, or a false detection.
 
 Undersides are never visible. A body that hovers above the support, without a lower body nearby, gets feet that reach
-down to the support: wheels in the shadow of a bus are as high as 20 mm, and nobody sees them.
+down to the support: wheels in the shadow of a bus are as high as 20 mm, and nobody sees them. A body above another one
+or above a level of the static scene, whose foot the photograph hides, gets feet that reach down to that one, each
+corner by its own gap: a can in a bowl then stands on the bowl's floor.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.shapes.mesh import Hull
 from dextera_build.geometry import kinematics, transforms
 from dextera_build.geometry.convex import Convex
+from dextera_build.sim.model import footing
 
 TOUCH_M = 0.0002
 """Overlaps up to this depth are contacts [m]."""
@@ -31,6 +34,8 @@ HOVER_M, ALONE_M = (0.002, 0.03), 0.005
 a smaller gap causes no relevant fall, and what is higher hangs or stands on something hidden."""
 UNDERSIDE_M = 0.006
 """Corners up to this height above the lowest one get feet [m]."""
+OVER = 0.5
+"""Least fraction of the corners of an underside that are above what carries it."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +59,7 @@ class Parted:
     assets: dict[str, Asset]
     cuts: tuple[Cut, ...]
     feet: dict[str, float]
-    """Label -> height at which the body hovered above the support [m]."""
+    """Label -> height at which the body hovered above what carries it [m]."""
 
 
 def parted(assets: Mapping[str, Asset], static: Sequence[np.ndarray]) -> Parted:
@@ -67,10 +72,10 @@ def parted(assets: Mapping[str, Asset], static: Sequence[np.ndarray]) -> Parted:
     bodies = {label: _Body.of(asset) for label, asset in sorted(assets.items())}
     room = [Convex(corners) for corners in static]
     feet, cuts = {}, []
-    for label, body in bodies.items():
-        if HOVER_M[0] < body.low[2] <= HOVER_M[1] and body.is_alone([*bodies.values()], room):
-            feet[label] = float(body.low[2])
-            body.stand()
+    for label, body in sorted(bodies.items(), key=lambda each: float(each[1].low[2])):
+        others = [other for other in bodies.values() if other is not body]
+        if gap := body.stand(others, room):
+            feet[label] = gap
     for label, body in bodies.items():
         if tried := body.cut_by(room):
             cuts.append(body.take(tried, label, ""))
@@ -143,15 +148,36 @@ class _Body:
         """Whether the bounding boxes are closer than `gap` [m]."""
         return bool((self.low - gap < other.high).all() and (other.low - gap < self.high).all())
 
-    def stand(self) -> None:
-        """Extend the underside down to the support."""
-        limit = self.low[2] + UNDERSIDE_M
+    def stand(self, others: Sequence[_Body], room: Sequence[Convex]) -> float:
+        """Extend the underside down to what carries it, and return the largest gap; 0 if it stands, or nothing does."""
+        low = float(self.low[2])
+        limit = low + UNDERSIDE_M
+        under = [piece.corners[piece.corners[:, 2] <= limit] for piece in self.all()]
+        corners = np.concatenate(under)
+        floor = np.zeros(len(corners))
+        if not (HOVER_M[0] < low <= HOVER_M[1] and self.is_alone(others, room)):
+            near = [piece for other in others if other.near(self, HOVER_M[1]) for piece in other.all()]
+            floor = footing.floor(corners, [*near, *room], UNDERSIDE_M)
+            gaps = corners[:, 2] - floor
+            if np.mean(floor > HOVER_M[0]) < OVER or footing.carry(corners, gaps <= HOVER_M[0]):
+                return 0.0
+        gaps = corners[:, 2] - floor
+        reached = (gaps > HOVER_M[0]) & (gaps <= HOVER_M[1])
+        feet = np.column_stack([corners[:, :2], floor])[reached]
+        if not len(feet):
+            return 0.0
+        number = np.repeat(np.arange(len(under)), [len(each) for each in under])[reached]
+        counted = 0
         for name, pieces in self.links.items():
-            for number, piece in enumerate(pieces):
-                if piece is not None and piece.low[2] <= limit:
-                    foot = piece.corners[piece.corners[:, 2] <= limit] * [1.0, 1.0, 0.0]
-                    pieces[number] = Convex(np.concatenate([piece.corners, foot]))
+            for place, piece in enumerate(pieces):
+                if piece is None:
+                    continue
+                own = feet[number == counted]
+                counted += 1
+                if len(own):
+                    pieces[place] = Convex(np.concatenate([piece.corners, own]))
                     self.changed.add(name)
+        return float(gaps[reached].max())
 
     def cut_by(self, others: Iterable[Convex]) -> _Try | None:
         """The body without its overlap with `others`; None if nothing or too much would be cut."""

@@ -16,7 +16,7 @@ NOTABLE_M = 0.005
 """Overlap above which a warning is given, because an unseen part of a shape is wrong [m]."""
 
 
-@rule(version=3, packages=("scipy",))
+@rule(version=4, packages=("scipy",))
 def scene(ctx: Context, assets: Collection[Asset], background: Background, support: Support, camera: Camera) -> Scene:
     """Return the twin as MJCF in the world frame [m, kg, rad]: z up, support at z = 0, camera `capture`.
 
@@ -32,7 +32,7 @@ def scene(ctx: Context, assets: Collection[Asset], background: Background, suppo
     for cut in cuts:
         _told(ctx, cut)
     for label, gap in found.feet.items():
-        ctx.warn(f"{label} was seen {1000 * gap:.0f} mm above the support: it gets feet, which are not drawn")
+        ctx.warn(f"{label} was seen {1000 * gap:.0f} mm above what carries it: it gets feet, which are not drawn")
     model = mjcf.write(description.describe(found, room, camera, support.camera_pose.matrix))
     joints = sum(len(asset.body.joints) for asset in placed.values())
     pieces = sum(len(part.hulls) for asset in placed.values() for part in asset.collision.links.values())

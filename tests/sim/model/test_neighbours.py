@@ -136,6 +136,21 @@ def test_what_stands_on_a_board_of_the_static_scene_gets_no_feet() -> None:
     assert found.assets["a"] is assets["a"]
 
 
+def test_a_thing_in_a_bowl_whose_foot_is_hidden_stands_on_the_bowl() -> None:
+    """Its seen part stays where it is: it neither falls nor slides along the bowl's wall."""
+    bowl = factories.bowl_asset(factories.pose(0.4, 0.0))
+    can = factories.box_asset(factories.pose(0.41, 0.008, 0.022), (0.03, 0.03, 0.06))
+    assert drift({"bowl": bowl, "can": can}) < 0.0005
+    found = parted({"bowl": bowl, "can": can}, [])
+    assert set(found.feet) == {"can"}
+    assert found.assets["bowl"] is bowl
+    assert found.assets["can"].body is can.body
+
+
+def test_a_thing_far_above_what_carries_it_gets_no_feet() -> None:
+    assert parted({"a": box(0.0), "b": box(0.0, z=0.15)}, []).feet == {}
+
+
 def test_the_lowest_of_a_stack_that_hovers_gets_feet_and_all_stay() -> None:
     assets = {"a": box(0.0, z=0.208), "b": box(0.01, z=0.108), "c": box(0.0, z=0.008)}
     assert set(parted(assets, []).feet) == {"c"}
