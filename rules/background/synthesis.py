@@ -15,6 +15,8 @@ COARSER = 1.2
 """Maximum ratio of the coarseness of source to target."""
 SHRINK = 4
 """Downscaling factor of the coarse search."""
+MOST_CONTRAST = 1.6
+"""Largest factor by which the contrast of a patch is raised or lowered."""
 CONTRAST = 0.5
 """Penalty on a difference in contrast, relative to the correlation."""
 COLOUR = 0.02
@@ -68,7 +70,19 @@ def fill_texture(
     smooth = smooth_part(image, source, sigma)
     detail = np.where(source[..., None], image - smooth, 0.0).astype(np.float32)
     quilted = _quilt(detail, hole, source & ~hole, np.concatenate([smooth, blur[..., None]], axis=-1))
+    quilted = quilted * _contrast(detail, quilted, source & ~hole, sigma)
     return np.where(hole[..., None], smooth + quilted, image).astype(np.float32)
+
+
+def _contrast(detail: np.ndarray, quilted: np.ndarray, source: np.ndarray, sigma: float) -> np.ndarray:
+    """Factor (H, W, 1) that gives quilted detail the contrast of the detail around the hole.
+
+    Patches from farther away are softer, and a soft patch beside sharp grain shows where the hole was.
+    """
+    wanted = smooth_part(np.square(detail).mean(axis=-1, keepdims=True), source, 2 * sigma)
+    made = cv2.GaussianBlur(np.square(quilted).mean(axis=-1), (0, 0), 2 * sigma)[..., None]
+    ratio = np.sqrt((wanted.reshape(made.shape) + 1.0) / (made + 1.0))
+    return np.asarray(np.clip(ratio, 1.0 / MOST_CONTRAST, MOST_CONTRAST))
 
 
 def _quilt(detail: np.ndarray, hole: np.ndarray, good: np.ndarray, traits: np.ndarray) -> np.ndarray:
