@@ -43,9 +43,17 @@ def scene(ctx: Context, assets: Collection[Asset], background: Background, suppo
     ctx.metric("mass", mass, "kg")
     ctx.metric("overlap", 1000 * max((cut.deep_m for cut in cuts), default=0.0), "mm")
     unknown = ", scale unknown" if support.scale == "unknown" else ""
-    bodies = tuple(names.body_names(placed).values())
+    known = names.body_names(placed)
+    bodies, cut_off = tuple(known.values()), tuple(name for label, name in known.items() if placed[label].cut)
     ctx.say(f"{amount(len(bodies), 'body', 'bodies')}, {amount(joints, 'joint')}, {mass:.2f} kg{unknown}")
-    return Scene(model=model, camera=camera, camera_pose=support.camera_pose, bodies=bodies, scale=support.scale)
+    return Scene(
+        model=model,
+        camera=camera,
+        camera_pose=support.camera_pose,
+        bodies=bodies,
+        cut=cut_off,
+        scale=support.scale,
+    )
 
 
 def _told(ctx: Context, cut: neighbours.Cut) -> None:
