@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import cv2
@@ -15,6 +16,7 @@ from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import Backend, Context, Fraction, Options
 
+from . import walls
 from .furnished import bounded, feet_of, furnished, seen_of, survey
 from .holes import hole, remnants, scraps, shaded
 from .layers import SAME_COLOUR, Layers, apart, split
@@ -89,6 +91,7 @@ def clean(
     near = cv2.dilate(layers.behind.astype(np.uint8), rim) > 0
     pixels = _inpaint(pixels, taken & ~layers.behind, near)
     scenery = survey(pixels, np.where(taken, 0.0, depth), layers.behind, photograph.camera, support, options.step_m)
+    scenery = replace(scenery, pixels=walls.filled(scenery, taken & ~layers.behind))
     things = seen_of(instances.labels > 0, depth, photograph.camera, support)
     stride = max(1.0, options.stride * photograph.camera.width)
     feet = feet_of(instances.labels, depth, photograph.camera, support)
