@@ -3,9 +3,10 @@
     python -m tests.benchmarks.fills [CAPTURE ...]
 
 Without names, all photographs with depth that lie outside the project. *Taken out* is the part of the picture that
-belongs to objects; *no depth* the part of it, and of the objects' surroundings that are filled as well, in which no
-surface goes on; *step* the median difference of colour across the border of the fill, over 8 px and in grey levels of
-255, and beside it the same difference elsewhere on the same surfaces, which a fill that nobody sees does not exceed.
+belongs to objects; *no depth* the part of it, and of the objects' surroundings that are filled as well, without a
+surface; *beside one* the same of pixels whose nearest visible neighbour has a surface, which must go on; *step* the
+median difference of colour across the border of the fill, over 8 px and in grey levels of 255, and *elsewhere* the same
+difference on the same surfaces away from it, which a fill that nobody sees does not exceed.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ class Fill(NamedTuple):
 
     taken: float
     bare: float
+    ended: float
     step: float
     elsewhere: float
 
@@ -40,15 +42,17 @@ def main(names: list[str]) -> None:
     """One row per photograph."""
     found = sorted([*(SHARED / "captures").iterdir(), *(SHARED / "faults").iterdir()])
     chosen = [path for path in found if (path / "depth.png").is_file() and (not names or path.name in names)]
-    print("| photograph | taken out [%] | no depth [%] | step | elsewhere |\n|---|---|---|---|---|")
+    print(
+        "| photograph | taken out [%] | no depth [%] | beside one [%] | step | elsewhere |\n|---|---|---|---|---|---|"
+    )
     for path in chosen:
         with tempfile.TemporaryDirectory() as folder:
             try:
                 fill = filled(RuleRunner(Path(folder)), path)
             except DxbError as error:
-                print(f"| {path.name} | {error} | | | |", flush=True)
+                print(f"| {path.name} | {error} | | | | |", flush=True)
                 continue
-        shares = f"{100 * fill.taken:.1f} | {100 * fill.bare:.2f}"
+        shares = f"{100 * fill.taken:.1f} | {100 * fill.bare:.2f} | {100 * fill.ended:.2f}"
         print(f"| {path.name} | {shares} | {fill.step:.1f} | {fill.elsewhere:.1f} |", flush=True)
 
 
@@ -83,9 +87,20 @@ def measured(made: Background, pixels: np.ndarray, objects: np.ndarray) -> Fill:
     return Fill(
         float(objects.mean()),
         float((~level)[hole].mean()) if hole.any() else 0.0,
+        float((~level & _nearest(level, ~hole))[hole].mean()) if hole.any() else 0.0,
         float(np.median(steps[border & level])) if (border & level).any() else 0.0,
         float(np.median(steps[beside])) if beside.any() else 0.0,
     )
+
+
+def _nearest(values: np.ndarray, where: np.ndarray) -> np.ndarray:
+    """The value (H, W) of the nearest pixel of `where`."""
+    _, labels = cv2.distanceTransformWithLabels(
+        (~where).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    known = np.zeros(labels.max() + 1, bool)
+    known[labels[where]] = values[where]
+    return np.asarray(known[labels])
 
 
 def _steps(pixels: np.ndarray) -> np.ndarray:
