@@ -43,6 +43,8 @@ LENSES = (
 )
 """Equivalent message types of ROS 2, JSON and Foxglove."""
 TRANSFORMS = ("geometry_msgs/msg/Transform", "geometry_msgs/Transform")
+IMUS = ("sensor_msgs/msg/Imu", "sensor_msgs/Imu")
+FRAMES = ("tf2_msgs/msg/TFMessage", "tf2_msgs/TFMessage")
 _MODELS = {"Brown Conrady": "plumb_bob", "None": "plumb_bob"}
 """Names of lens models in librealsense -> in ROS."""
 
@@ -193,7 +195,7 @@ def stamps(stream: Stream, topic: str) -> np.ndarray:
         ArtifactError: There is no such topic.
     """
     kinds = JOINTS + POSES + PICTURES + LENSES
-    rows = [[reading.stamp(each, time), time] for time, each in _read(stream, topic, kinds, None, None)]
+    rows = [[reading.stamp(each, time), time] for time, each in _read(stream, topic, kinds)]
     return np.array(rows, np.float64).reshape(-1, 2) / reading.SECOND
 
 
@@ -203,7 +205,7 @@ def lens(stream: Stream, topic: str) -> Lens:
     Raises:
         ArtifactError: There is no such topic or no message, or its numbers are no valid camera.
     """
-    for _, each in _read(stream, topic, LENSES, None, None):
+    for _, each in _read(stream, topic, LENSES):
         names = ("width", "height", "distortion_model", "d", "D", "k", "K")
         known = {name: _plain(getattr(each, name)) for name in names if hasattr(each, name)}
         known["distortion_model"] = _MODELS.get(known["distortion_model"], known["distortion_model"])
@@ -218,11 +220,49 @@ def transform(stream: Stream, topic: str) -> np.ndarray | None:
     """The first `geometry_msgs/Transform` of a topic as (4, 4) motion [m]; None if there is none."""
     if all(each.topic != topic or each.kind not in TRANSFORMS for each in stream.channels):
         return None
-    for _, each in _read(stream, topic, TRANSFORMS, None, None):
-        place, turn = each.translation, each.rotation
+    for _, each in _read(stream, topic, TRANSFORMS):
         with reading.damage(topic):
-            return matrices.to_matrix(unit(np.array([[place.x, place.y, place.z, turn.w, turn.x, turn.y, turn.z]]))[0])
+            return _motion(each)
     return None
+
+
+def _motion(transform: Any) -> np.ndarray:
+    """(4, 4) of a `geometry_msgs/Transform` [m]."""
+    place, turn = transform.translation, transform.rotation
+    return matrices.to_matrix(unit(np.array([[place.x, place.y, place.z, turn.w, turn.x, turn.y, turn.z]]))[0])
+
+
+def accelerations(stream: Stream, topic: str) -> np.ndarray:
+    """(N, 4) time of the header [s] and acceleration [m/s^2] in the frame of the sensor of `sensor_msgs/Imu`s.
+
+    Raises:
+        ArtifactError: There is no such topic.
+    """
+    rows = [(reading.stamp(each, time), each.linear_acceleration) for time, each in _read(stream, topic, IMUS)]
+    return np.array([[stamp / reading.SECOND, a.x, a.y, a.z] for stamp, a in rows], np.float64).reshape(-1, 4)
+
+
+def frame(stream: Stream, topic: str) -> str:
+    """The frame that the first picture or acceleration of a topic is in; "" if it has none.
+
+    Raises:
+        ArtifactError: There is no such topic.
+    """
+    return next((str(each.header.frame_id) for _, each in _read(stream, topic, PICTURES + IMUS)), "")
+
+
+def frames(stream: Stream, topic: str) -> dict[tuple[str, str], np.ndarray]:
+    """(parent, child) -> T_parent_child (4, 4) [m] of the `tf2_msgs/TFMessage`s of a topic, the first of each pair.
+
+    Raises:
+        ArtifactError: There is no such topic.
+    """
+    found: dict[tuple[str, str], np.ndarray] = {}
+    for _, message in _read(stream, topic, FRAMES):
+        for each in message.transforms:
+            with reading.damage(topic):
+                found.setdefault((each.header.frame_id, each.child_frame_id), _motion(each.transform))
+    return found
 
 
 def number(stream: Stream, topic: str) -> float | None:
@@ -230,11 +270,11 @@ def number(stream: Stream, topic: str) -> float | None:
     kinds = tuple(f"std_msgs/{middle}Float{bits}" for middle in ("msg/", "") for bits in (32, 64))
     if all(each.topic != topic or each.kind not in kinds for each in stream.channels):
         return None
-    return next((float(each.data) for _, each in _read(stream, topic, kinds, None, None)), None)
+    return next((float(each.data) for _, each in _read(stream, topic, kinds)), None)
 
 
 def _read(
-    stream: Stream, topic: str, kinds: tuple[str, ...], start: float | None, end: float | None
+    stream: Stream, topic: str, kinds: tuple[str, ...], start: float | None = None, end: float | None = None
 ) -> Iterator[tuple[int, Any]]:
     found = next((each for each in stream.channels if each.topic == topic), None)
     if found is None or found.kind not in kinds:

@@ -65,6 +65,8 @@ def shaded(pixels: np.ndarray, level: np.ndarray, taken: np.ndarray) -> np.ndarr
 
 MOSTLY_BLANK = 0.8
 """Fraction of a region's pixels without depth above which it is a shiny or dark part of its neighbour."""
+SCRAP = 0.8
+"""Fraction of a region's pixels close to a mask from which it is a scrap of something larger."""
 
 
 def remnants(other: np.ndarray, wide: np.ndarray, flat: np.ndarray, blank: np.ndarray) -> np.ndarray:
@@ -80,5 +82,18 @@ def remnants(other: np.ndarray, wide: np.ndarray, flat: np.ndarray, blank: np.nd
     size = np.maximum(np.bincount(labels.reshape(-1)), 1)
     near, low, void = (np.bincount(labels[mask], minlength=len(size)) / size for mask in (wide, flat, blank))
     found = (near > np.where(void > MOSTLY_BLANK, 0.25, 0.5)) & (low < 0.5)
+    found[0] = False
+    return np.asarray(found[labels])
+
+
+def scraps(other: np.ndarray, wide: np.ndarray) -> np.ndarray:
+    """Pixels (H, W) of highlights, rims and sheets of which hardly more is in view than what is next to the masks.
+
+    Even if they are level with the support: alone in the filled surface, they would look like torn paper. The arguments
+    are those of `remnants`.
+    """
+    _, labels = cv2.connectedComponents(other.astype(np.uint8), connectivity=4)
+    near = np.bincount(labels[wide], minlength=labels.max() + 1) / np.maximum(np.bincount(labels.reshape(-1)), 1)
+    found = near > SCRAP
     found[0] = False
     return np.asarray(found[labels])

@@ -22,7 +22,7 @@ HIDES_M = 0.05
 """A side hides points that are farther behind it than this [m]."""
 MOST_HIDDEN = 0.5
 """Fraction of the points of the sides that may hide something, because the outline is known to a few pixels only."""
-TEXELS = 512
+TEXELS = 768
 """Longest edge of the slab's picture."""
 
 
@@ -83,5 +83,11 @@ def _continued(colour: np.ndarray, shown: np.ndarray) -> np.ndarray:
     # Neither flat objects on the support, nor objects at its border, nor their surroundings are sources of texture.
     own = shown & shaded(colour.astype(np.uint8), shown, ~shown)
     inner = cv2.erode(own.astype(np.uint8), np.ones((RIM, RIM), np.uint8), borderValue=1) > 0
-    own = inner if inner.sum() >= 500 else own
-    return fill_texture(np.where(shown[..., None], colour, 0.0), ~shown, own, np.ones(shown.shape, np.float32))
+    source = inner if inner.sum() >= 500 else own
+    return fill_texture(
+        np.where(shown[..., None], colour, 0.0),
+        ~shown,
+        source,
+        np.ones(shown.shape, np.float32),
+        context=own | source,
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import cv2
@@ -15,11 +16,12 @@ from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import Backend, Context, Fraction, Options
 
+from . import walls
 from .furnished import bounded, feet_of, furnished, seen_of, survey
-from .holes import hole, remnants, shaded
+from .holes import hole, remnants, scraps, shaded
 from .layers import SAME_COLOUR, Layers, apart, split
 from .rectified import top_view
-from .synthesis import fill_texture, smooth_part
+from .synthesis import fill_texture, membrane, smooth_part
 
 if TYPE_CHECKING:
     from .static import StaticOptions
@@ -77,7 +79,7 @@ def clean(
     layers = split(photograph, depth, support, wide, options.snap_m)
     own = shaded(photograph.rgb.pixels, layers.level & layers.behind, taken)
     missed = remnants(~own & ~taken, wide, _flat(photograph, depth, support, options), depth == 0)
-    taken |= wide & ((layers.behind & own) | missed)
+    taken |= (wide & ((layers.behind & own) | missed)) | scraps(~own & ~taken, wide)
     layers = apart(split(photograph, depth, support, taken, options.snap_m), own)
     layers = bounded(layers, photograph, support)
     image = photograph.rgb.pixels.astype(np.float32)
@@ -89,6 +91,7 @@ def clean(
     near = cv2.dilate(layers.behind.astype(np.uint8), rim) > 0
     pixels = _inpaint(pixels, taken & ~layers.behind, near)
     scenery = survey(pixels, np.where(taken, 0.0, depth), layers.behind, photograph.camera, support, options.step_m)
+    scenery = replace(scenery, pixels=walls.filled(scenery, taken & ~layers.behind))
     things = seen_of(instances.labels > 0, depth, photograph.camera, support)
     stride = max(1.0, options.stride * photograph.camera.width)
     feet = feet_of(instances.labels, depth, photograph.camera, support)
@@ -150,13 +153,21 @@ def _gain(flat: np.ndarray, gap: np.ndarray, source: np.ndarray, reach: float) -
     if reach <= 0 or rest.sum() < 500:
         return np.ones_like(flat)
     light = smooth_part(flat, rest, reach / 4)
-    local = smooth_part(flat, source, reach / 8)
+    local = _stepped(flat, source, reach / 8)
     gain = np.clip(light / np.maximum(local, 1.0), 1.0 / MOST_GAIN, MOST_GAIN)
     weight = np.clip(2.0 * (1.0 - away / reach), 0.0, 1.0)
     # Avoid steps at the view's border and at unknown surface.
     rim = np.pad((source | gap)[1:-1, 1:-1], 1).astype(np.uint8)
     inner = np.clip(cv2.distanceTransform(rim, cv2.DIST_L2, 5) / (reach / 4), 0.0, 1.0)
     return np.asarray(gain ** (weight * np.where(gap, 1.0, inner))[..., None], np.float32)
+
+
+def _stepped(flat: np.ndarray, source: np.ndarray, reach: float) -> np.ndarray:
+    """The local colour (H, W, 3) without texture: a median keeps the edges of shadows, which a mean would blur."""
+    whole = membrane(np.where(source[..., None], flat, 0.0).astype(np.float32), source)
+    side = 2 * max(2, round(reach)) + 1
+    levels = cv2.medianBlur(np.clip(np.round(whole), 0, 255).astype(np.uint8), side)
+    return np.asarray(cv2.GaussianBlur(levels.astype(np.float32), (0, 0), max(1.0, reach / 6)))
 
 
 def _inpaint(pixels: np.ndarray, hole: np.ndarray, behind: np.ndarray) -> np.ndarray:

@@ -15,6 +15,8 @@ COARSER = 1.2
 """Maximum ratio of the coarseness of source to target."""
 SHRINK = 4
 """Downscaling factor of the coarse search."""
+MOST_CONTRAST = 1.6
+"""Largest factor by which the contrast of a patch is raised or lowered."""
 CONTRAST = 0.5
 """Penalty on a difference in contrast, relative to the correlation."""
 COLOUR = 0.02
@@ -49,7 +51,12 @@ def smooth_part(image: np.ndarray, known: np.ndarray, sigma: float) -> np.ndarra
 
 
 def fill_texture(
-    image: np.ndarray, hole: np.ndarray, source: np.ndarray, blur: np.ndarray, sigma: float = 12.0
+    image: np.ndarray,
+    hole: np.ndarray,
+    source: np.ndarray,
+    blur: np.ndarray,
+    sigma: float = 12.0,
+    context: np.ndarray | None = None,
 ) -> np.ndarray:
     """Fill `hole` of a flat texture.
 
@@ -59,29 +66,49 @@ def fill_texture(
         source: (H, W) allowed sources of texture.
         blur: (H, W) local coarseness in any unit; much coarser sources are avoided.
         sigma: Scale that separates the smooth part from detail [px].
+        context: (H, W) pixels whose colour and grain the fill continues, which contain `source`; None: `source`.
 
     Returns:
         (H, W, 3) float32; pixels outside `hole` are unchanged.
     """
     if not hole.any() or source.sum() < 100:
         return image
-    smooth = smooth_part(image, source, sigma)
-    detail = np.where(source[..., None], image - smooth, 0.0).astype(np.float32)
-    quilted = _quilt(detail, hole, source & ~hole, np.concatenate([smooth, blur[..., None]], axis=-1))
+    context = source if context is None else context
+    smooth = smooth_part(image, context, sigma)
+    detail = np.where(context[..., None], image - smooth, 0.0).astype(np.float32)
+    traits = np.concatenate([smooth, blur[..., None]], axis=-1)
+    quilted = _quilt(detail, hole, context & ~hole, source & ~hole, traits)
+    quilted = quilted * _contrast(detail, quilted, context & ~hole, sigma)
     return np.where(hole[..., None], smooth + quilted, image).astype(np.float32)
 
 
-def _quilt(detail: np.ndarray, hole: np.ndarray, good: np.ndarray, traits: np.ndarray) -> np.ndarray:
-    """Detail for the hole; `traits` (H, W, 4) are the smooth colour and the coarseness of each pixel."""
+def _contrast(detail: np.ndarray, quilted: np.ndarray, source: np.ndarray, sigma: float) -> np.ndarray:
+    """Factor (H, W, 1) that gives quilted detail the contrast of the detail around the hole.
+
+    Patches from farther away are softer, and a soft patch beside sharp grain shows where the hole was.
+    """
+    wanted = smooth_part(np.square(detail).mean(axis=-1, keepdims=True), source, 2 * sigma)
+    made = cv2.GaussianBlur(np.square(quilted).mean(axis=-1), (0, 0), 2 * sigma)[..., None]
+    ratio = np.sqrt((wanted.reshape(made.shape) + 1.0) / (made + 1.0))
+    return np.asarray(np.clip(ratio, 1.0 / MOST_CONTRAST, MOST_CONTRAST))
+
+
+def _quilt(
+    detail: np.ndarray, hole: np.ndarray, context: np.ndarray, source: np.ndarray, traits: np.ndarray
+) -> np.ndarray:
+    """Detail for the hole, which continues that of `context`, of patches from `source`.
+
+    `traits` (H, W, 4) are the smooth colour and the coarseness of each pixel.
+    """
     tile = 2 * SHRINK * max(3, round(float(np.sqrt(hole.sum() / MOST_TILES)) / 2 / SHRINK))
     reach = tile // 2
     window = tile + 2 * reach
     # Pad to a multiple of the coarse search's step.
     rim = tuple((window, window + -n % SHRINK) for n in detail.shape[:2])
     work = np.pad(detail, (*rim, (0, 0)))
-    open_, known = np.pad(hole, rim), np.pad(good, rim)
+    open_, known = np.pad(hole, rim), np.pad(context, rim)
     traits = np.pad(traits, (*rim, (0, 0)), mode="edge")
-    search = _Search(work, known, traits, window)
+    search = _Search(work, np.pad(source, rim), traits, window)
     fixed = known.copy()
     corners = np.array(_tiles(open_, tile))
     counts = np.array([np.count_nonzero(known[_box(corner, reach, window)]) for corner in corners])

@@ -13,15 +13,17 @@ from dextera_build.artifacts.base import File, Folder
 from dextera_build.artifacts.robots.stream import Stream
 from dextera_build.errors import RuleError, listing
 from dextera_build.formats import hand_stream, mcap
-from dextera_build.formats.mcap import JOINTS, LENSES, PICTURES, POSES, TRANSFORMS
+from dextera_build.formats.mcap import FRAMES, IMUS, JOINTS, LENSES, PICTURES, POSES, TRANSFORMS
 from dextera_build.rule import Context, Options, rule
 
 FORMS = {b"#ROSBAG V2.0": "bag.bag", b"SQLite format 3\x00": "bag.db3", b"\x89MCAP0\r\n": "bag.mcap"}
 """First bytes of a file -> file name with which the reader detects its format."""
 KINDS = (
-    *(*JOINTS, *POSES, *PICTURES, *LENSES, *TRANSFORMS),
+    *(*JOINTS, *POSES, *PICTURES, *LENSES, *TRANSFORMS, *IMUS, *FRAMES),
     *(*hand_stream.HANDS, *hand_stream.INPUTS, "std_msgs/msg/Float32", "std_msgs/msg/Float64"),
 )
+STATIC = "/tf_static"
+"""End of the topic of transforms that do not change; the others can be computed from the joints."""
 MOST_BYTES = 4 << 30
 """Memory limit of the conversion [bytes]; a chunk compressed with bzip2 can be a millionth of its size."""
 DISTRIBUTION = "ros2_humble"
@@ -37,7 +39,7 @@ class BagOptions(Options):
 
 @rule(version=1, packages=("mcap", "mcap-ros2-support", "numpy", "rosbags"))
 def bag(ctx: Context, file: File | Folder, *, options: BagOptions) -> Stream:
-    """Return the joint states, poses, pictures and cameras of a bag as an MCAP recording of ROS 2 messages.
+    """Return the joint states, poses, pictures, cameras and accelerations of a bag as MCAP of ROS 2 messages.
 
     `file` is a folder of ROS 2 with `metadata.yaml`, a single `.db3` or `.mcap`, or a `.bag` of ROS 1, as written by
     RealSense cameras. Other messages are left out. Stamps are those of the bag.
@@ -84,7 +86,9 @@ def _chosen(ctx: Context, source: Path, topics: tuple[str, ...]) -> list[str]:
 
     with _reading(ctx), AnyReader([source], default_typestore=_store()) as reader:
         known = {each.topic: each.msgtype for each in reader.connections if each.msgcount}
+    moving = {topic for topic, kind in known.items() if kind in FRAMES and not topic.endswith(STATIC)}
     usable = [topic for topic, kind in sorted(known.items()) if kind in KINDS or topic == hand_stream.ABOUT]
+    usable = [topic for topic in usable if topic not in moving]
     here = listing(f"{topic} ({kind})" for topic, kind in sorted(known.items()))
     for topic in topics:
         if topic not in usable:

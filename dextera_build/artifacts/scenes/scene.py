@@ -62,6 +62,8 @@ class Scene(Artifact):
     held: dict[str, str] = Field(default_factory=dict)
     """Objects that would not rest and are therefore fixed as part of the static scene: name -> why, see
     `simulate.steady`."""
+    cut: tuple[str, ...] = ()
+    """Names of the objects, movable or held, that the picture's border cuts."""
     scale: ScaleSource = "depth"
     """Source of the unit of length; tasks refuse a scene of scale `unknown`."""
 

@@ -6,8 +6,10 @@ are kept. Every convex piece is cut by one plane, the one among the faces of bot
 separating axes of Gottschalk, Lin and Manocha 1996, without those of two edges), so it stays convex. A body that would
 lose too much is not cut: one of them is then part of the other, or a false detection.
 
-Undersides are never visible. A body that hovers slightly above the support, without a lower body nearby, gets feet that
-reach down to the support.
+Undersides are never visible. A body that hovers above the support, without a lower body nearby, gets feet that reach
+down to the support: wheels in the shadow of a bus are as high as 20 mm, and nobody sees them. A body above another one
+or above a level of the static scene, whose foot the photograph hides, gets feet that reach down to that one, each
+corner by its own gap: a can in a bowl then stands on the bowl's floor.
 """
 
 from __future__ import annotations
@@ -21,16 +23,19 @@ from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.shapes.mesh import Hull
 from dextera_build.geometry import kinematics, transforms
 from dextera_build.geometry.convex import Convex
+from dextera_build.sim.model import footing
 
 TOUCH_M = 0.0002
 """Overlaps up to this depth are contacts [m]."""
 MOST_LOST = 0.3
 """Maximum fraction of the volume of a body's pieces that may be cut away."""
-HOVER_M, ALONE_M = (0.002, 0.012), 0.005
-"""A body at least the first distance above the support, and farther than the second from every lower body, gets feet
-[m]; a smaller gap causes no relevant fall."""
+HOVER_M, ALONE_M = (0.002, 0.03), 0.005
+"""A body at such a height above the support, and farther than the second distance from every lower body, gets feet [m]:
+a smaller gap causes no relevant fall, and what is higher hangs or stands on something hidden."""
 UNDERSIDE_M = 0.006
 """Corners up to this height above the lowest one get feet [m]."""
+OVER = 0.5
+"""Least fraction of the corners of an underside that are above what carries it."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +59,7 @@ class Parted:
     assets: dict[str, Asset]
     cuts: tuple[Cut, ...]
     feet: dict[str, float]
-    """Label -> height at which the body hovered above the support [m]."""
+    """Label -> height at which the body hovered above what carries it [m]."""
 
 
 def parted(assets: Mapping[str, Asset], static: Sequence[np.ndarray]) -> Parted:
@@ -65,14 +70,12 @@ def parted(assets: Mapping[str, Asset], static: Sequence[np.ndarray]) -> Parted:
         static: Convex pieces of the static scene by their corners (V, 3) [m]; they are never cut.
     """
     bodies = {label: _Body.of(asset) for label, asset in sorted(assets.items())}
-    feet = {}
-    for label, body in bodies.items():
-        lower = [other for other in bodies.values() if other.low[2] < body.low[2]]
-        if HOVER_M[0] < body.low[2] <= HOVER_M[1] and not any(body.near(other, ALONE_M) for other in lower):
-            feet[label] = float(body.low[2])
-            body.stand()
     room = [Convex(corners) for corners in static]
-    cuts = []
+    feet, cuts = {}, []
+    for label, body in sorted(bodies.items(), key=lambda each: float(each[1].low[2])):
+        others = [other for other in bodies.values() if other is not body]
+        if gap := body.stand(others, room):
+            feet[label] = gap
     for label, body in bodies.items():
         if tried := body.cut_by(room):
             cuts.append(body.take(tried, label, ""))
@@ -135,19 +138,46 @@ class _Body:
         """Upper corner (3,) of the box around it [m]."""
         return np.asarray(np.max([piece.high for piece in self.all()], axis=0))
 
-    def near(self, other: _Body, gap: float) -> bool:
+    def is_alone(self, bodies: Sequence[_Body], room: Sequence[Convex]) -> bool:
+        """Whether nothing that reaches lower than its underside, and above the support, is near."""
+        lower: list[_Body | Convex] = [other for other in bodies if other.low[2] < self.low[2]]
+        lower += [piece for piece in room if piece.high[2] > HOVER_M[0]]
+        return not any(self.near(other, ALONE_M) for other in lower)
+
+    def near(self, other: _Body | Convex, gap: float) -> bool:
         """Whether the bounding boxes are closer than `gap` [m]."""
         return bool((self.low - gap < other.high).all() and (other.low - gap < self.high).all())
 
-    def stand(self) -> None:
-        """Extend the underside down to the support."""
-        limit = self.low[2] + UNDERSIDE_M
+    def stand(self, others: Sequence[_Body], room: Sequence[Convex]) -> float:
+        """Extend the underside down to what carries it, and return the largest gap; 0 if it stands, or nothing does."""
+        low = float(self.low[2])
+        limit = low + UNDERSIDE_M
+        under = [piece.corners[piece.corners[:, 2] <= limit] for piece in self.all()]
+        corners = np.concatenate(under)
+        floor = np.zeros(len(corners))
+        if not (HOVER_M[0] < low <= HOVER_M[1] and self.is_alone(others, room)):
+            near = [piece for other in others if other.near(self, HOVER_M[1]) for piece in other.all()]
+            floor = footing.floor(corners, [*near, *room], UNDERSIDE_M)
+            gaps = corners[:, 2] - floor
+            if np.mean(floor > HOVER_M[0]) < OVER or footing.carry(corners, gaps <= HOVER_M[0]):
+                return 0.0
+        gaps = corners[:, 2] - floor
+        reached = (gaps > HOVER_M[0]) & (gaps <= HOVER_M[1])
+        feet = np.column_stack([corners[:, :2], floor])[reached]
+        if not len(feet):
+            return 0.0
+        number = np.repeat(np.arange(len(under)), [len(each) for each in under])[reached]
+        counted = 0
         for name, pieces in self.links.items():
-            for number, piece in enumerate(pieces):
-                if piece is not None and piece.low[2] <= limit:
-                    foot = piece.corners[piece.corners[:, 2] <= limit] * [1.0, 1.0, 0.0]
-                    pieces[number] = Convex(np.concatenate([piece.corners, foot]))
+            for place, piece in enumerate(pieces):
+                if piece is None:
+                    continue
+                own = feet[number == counted]
+                counted += 1
+                if len(own):
+                    pieces[place] = Convex(np.concatenate([piece.corners, own]))
                     self.changed.add(name)
+        return float(gaps[reached].max())
 
     def cut_by(self, others: Iterable[Convex]) -> _Try | None:
         """The body without its overlap with `others`; None if nothing or too much would be cut."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from dextera_build.artifacts.base import Folder
+from dextera_build.errors import listing
 from dextera_build.sim.model import model as models
 from dextera_build.sim.model.fixed_bodies import hold
 from dextera_build.sim.worlds.settle import Motion, Run, let_go
@@ -71,7 +72,7 @@ def steady(scene: Folder, bodies: tuple[str, ...], seconds: float, rests: Callab
                 found.held[pair[1]] = f"it is {1000 * depth:.0f} mm inside {pair[0]}"
         if not overlapping:
             lowest = min(restless, key=lambda name: (not _moves(restless[name]), heights[name], name))
-            found.held[lowest] = _moved(restless[lowest])
+            found.held[lowest] = _cause(restless[lowest], _touched(found.scene, lowest))
         found.scene = hold(scene, found.held, found.apart)
     _release(scene, bodies, found, lambda trial, free: _all_rest(let_go(trial, free, seconds), rests))
     return found
@@ -102,18 +103,44 @@ def _heights(scene: Folder) -> dict[str, float]:
     return {model.body(number).name: float(data.xipos[number, 2]) for number in range(1, model.nbody)}
 
 
-def _moved(motion: Motion) -> str:
-    """Why a body is fixed: what carries it is missing, hidden or too small, or its shape does not stand."""
+def _cause(motion: Motion, touched: dict[str, float]) -> str:
+    """Why a body is fixed: what carries it is missing, hidden or too small, or its shape does not stand.
+
+    Args:
+        motion: Its motion.
+        touched: What it touches at the start ("" for the static scene) -> depth [m].
+    """
+    others = [name for name in touched if name]
+    inside = max(touched, key=lambda name: touched[name], default="")
+    if touched and touched[inside] > OVERLAP_M:
+        return f"it is {1000 * touched[inside]:.0f} mm inside {inside or 'the room'}"
     if motion.fall_m > max(FALLS_M, MOSTLY * motion.drift_m):
         return f"nothing carries it: it would fall by {1000 * motion.fall_m:.0f} mm"
     if motion.tilt_rad > TIPS_RAD:
-        return f"it would tip over by {math.degrees(motion.tilt_rad):.0f} deg: it leans, or its lower part is hidden"
+        leans = f"it leans on {listing(others)}" if others else "it leans, or its lower part is hidden"
+        return f"it would tip over by {math.degrees(motion.tilt_rad):.0f} deg: {leans}"
     if motion.drift_m > MOVED_M:
-        return f"it would move by {1000 * motion.drift_m:.0f} mm"
+        slides = f"it slides off {listing(others)}" if others else "what carries it is hidden"
+        return f"it would move by {1000 * motion.drift_m:.0f} mm: {slides}"
     if motion.tilt_rad > TURNED_RAD:
         return f"it would turn by {math.degrees(motion.tilt_rad):.1f} deg"
     pressed = motion.depth_m > PRESSED_M
     return f"it would be {1000 * motion.depth_m:.1f} mm inside another" if pressed else "it would not come to rest"
+
+
+def _touched(scene: Folder, name: str) -> dict[str, float]:
+    """What a body touches at the start, by root body, "" for the static scene -> depth [m]."""
+    model = models.compile_folder(scene)
+    data = models.at_home(model)
+    own = int(model.body(name).id)
+    found: dict[str, float] = {}
+    for contact in data.contact[: data.ncon]:
+        roots = [_root(model, geom) for geom in contact.geom]
+        if own in roots:
+            other = roots[1 - roots.index(own)]
+            label = model.body(other).name if other and other != own else ""
+            found[label] = max(found.get(label, 0.0), -float(contact.dist))
+    return found
 
 
 def _moves(motion: Motion) -> bool:

@@ -7,12 +7,12 @@ from typing import NamedTuple, NoReturn
 
 import numpy as np
 
-from dextera_build.artifacts.cameras.camera import Camera, Measured
+from dextera_build.artifacts.cameras.camera import Measured, Photograph
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import cameras, upright
 from dextera_build.rule import Context
 
-from . import choice
+from . import choice, uprights
 from .loads import loaded
 from .support_options import SupportOptions
 from .surfaces import Surface, find
@@ -33,6 +33,8 @@ class Candidates:
     """(H, W, 3) of the upright picture, camera frame [m]."""
     best: Surface
     """The support."""
+    likely: np.ndarray | None
+    """Direction up (3,) by upright lines, in the camera frame; None if it is measured, or if they do not tell it."""
     rival: Surface | None
     """Another surface that may be the support; None if there is no doubt, or if the user stated it."""
 
@@ -53,14 +55,26 @@ def known_up(measured: Measured, robot: Pose | None) -> Up | None:
     return Up(np.asarray(robot.matrix[:3, 2]), measured=False)
 
 
+def likely_up(photograph: Photograph, options: SupportOptions) -> uprights.Uprights | None:
+    """The direction up by upright lines, if the upper side of the picture may be up."""
+    if options.up not in ("auto", "top"):
+        return None
+    return uprights.find(photograph.rgb.pixels, photograph.camera.matrix())
+
+
 def of_depth(
-    ctx: Context, camera: Camera, depth: np.ndarray, valid: np.ndarray, known: Up | None, options: SupportOptions
+    ctx: Context,
+    photograph: Photograph,
+    depth: np.ndarray,
+    valid: np.ndarray,
+    known: Up | None,
+    options: SupportOptions,
 ) -> Candidates:
     """The support among the flat surfaces of a depth image.
 
     Args:
         ctx: The rule's context.
-        camera: Intrinsics.
+        photograph: The picture and its camera.
         depth: (H, W) [m].
         valid: (H, W) bool, pixels to use.
         known: See `known_up`; a robot that stands on none of the surfaces says nothing.
@@ -72,7 +86,7 @@ def of_depth(
     up = None if known is None else known.direction
 
     def look(count: int) -> tuple[list[Surface], np.ndarray]:
-        points = cameras.backproject(upright.turned(depth, count), camera.turned(count).matrix())
+        points = cameras.backproject(upright.turned(depth, count), photograph.camera.turned(count).matrix())
         rng = np.random.default_rng(options.seed)
         seen = upright.turned(valid, count)
         return loaded(find(points, seen, options.surfaces, options.warp_m, rng), points, seen), points
@@ -84,20 +98,23 @@ def of_depth(
     found, points = look(turns)
     stands = known is None or known.measured or choice.choose(found, options.smallest_m2, up=turned_up(turns))
     up = up if stands else None
+    lines = likely_up(photograph, options) if up is None and options.at_px is None else None
+    likely = None if lines is None else lines.direction
     if options.at_px is not None:
         stated = _stated(ctx, [upright.turned(s.region, -turns) for s in found], found, options.at_px)
-        return Candidates(turns, points, stated, None)
+        return Candidates(turns, points, stated, None, None)
     count = choice.quarter_turns(found, options.smallest_m2, turned_up(turns)) if options.up == "auto" else 0
     if count:
         again, seen = look(count)
         best_again = choice.choose(again, options.smallest_m2, up=turned_up(count))
         # A bare wall seen from slightly above resembles a bare table seen by an upside-down camera.
         if best_again is not None and best_again.carried >= choice.CARRIES:
-            turns, found, points = count, again, seen
-    best = choice.choose(found, options.smallest_m2, up=turned_up(turns))
+            turns, found, points, likely = count, again, seen, None
+    best = choice.choose(found, options.smallest_m2, up=turned_up(turns), likely=likely)
     if best is None:
         _refuse(ctx, found, turned_up(turns), options)
-    return Candidates(turns, points, best, choice.rival(found, best, options.smallest_m2, up=turned_up(turns)))
+    rival = choice.rival(found, best, options.smallest_m2, up=turned_up(turns), likely=likely)
+    return Candidates(turns, points, best, likely, rival)
 
 
 def _stated(ctx: Context, regions: list[np.ndarray], found: list[Surface], at: tuple[int, int]) -> Surface:

@@ -1,4 +1,4 @@
-"""Which flat surface carries the objects: by what stands on it, by gravity, height and extent."""
+"""Which flat surface carries the objects: by what stands on it, gravity or upright lines, height and extent."""
 
 from __future__ import annotations
 
@@ -21,6 +21,8 @@ EMPTY = 0.25
 """Weight of a surface on which nothing stands, relative to one that carries something."""
 LEVEL = np.cos(np.radians(12.0))
 """Cosine of the largest angle between the normal of a support and the known direction up."""
+UNLIKELY = 0.5
+"""Weight of a surface that is not level by upright lines, which are wrong in a picture that is turned."""
 SQUARE = np.sin(np.radians(10.0))
 """Largest cosine of the angle between a wall and a support."""
 UPRIGHT = 0.8
@@ -36,7 +38,11 @@ HIGHER_M = 0.3
 
 
 def choose(
-    found: Sequence[Surface], smallest_m2: float, turns: int = 0, up: np.ndarray | None = None
+    found: Sequence[Surface],
+    smallest_m2: float,
+    turns: int = 0,
+    up: np.ndarray | None = None,
+    likely: np.ndarray | None = None,
 ) -> Surface | None:
     """Choose the surface that carries the objects: large in the image, facing up, not the floor below a table.
 
@@ -45,11 +51,12 @@ def choose(
         smallest_m2: Minimum area [m^2].
         turns: Counter-clockwise quarter turns that make the picture upright.
         up: (3,) unit, the known direction up in the frame of the camera; None if unknown.
+        likely: (3,) unit, the same by upright lines, which may be wrong; None if they do not tell it.
     """
     fit = _fit(found, smallest_m2, turns, up)
     if not fit:
         return None
-    score = partial(weight, found=found, turns=turns, up=up)
+    score = partial(weight, found=found, turns=turns, up=up, likely=likely)
     best = max(fit, key=score)
     # The camera is lower above a table than above the floor visible next to it.
     tables = [s for s in fit if best.plane[1] - s.plane[1] > HIGHER_M and score(s) > 0.2 * score(best)]
@@ -58,13 +65,18 @@ def choose(
 
 
 def rival(
-    found: Sequence[Surface], best: Surface, smallest_m2: float, turns: int = 0, up: np.ndarray | None = None
+    found: Sequence[Surface],
+    best: Surface,
+    smallest_m2: float,
+    turns: int = 0,
+    up: np.ndarray | None = None,
+    likely: np.ndarray | None = None,
 ) -> Surface | None:
     """Another surface that may be the support, because it carries things, too, and is about as large; None if none is.
 
     The arguments are those of `choose`, and `best` is its result.
     """
-    score = partial(weight, found=found, turns=turns, up=up)
+    score = partial(weight, found=found, turns=turns, up=up, likely=likely)
     others = [s for s in _fit(found, smallest_m2, turns, up) if _differs(s, best) and s.carried >= CARRIES]
     others = [s for s in others if score(s) > DOUBTED * score(best) and _load(s) > DOUBTED * _load(best)]
     return max(others, key=score, default=None)
@@ -84,10 +96,17 @@ def quarter_turns(found: Sequence[Surface], smallest_m2: float, up: np.ndarray |
     return int(np.argmax(weights)) if weights[0] < CLEARLY * max(weights) else 0
 
 
-def weight(surface: Surface, found: Sequence[Surface], turns: int = 0, up: np.ndarray | None = None) -> float:
+def weight(
+    surface: Surface,
+    found: Sequence[Surface],
+    turns: int = 0,
+    up: np.ndarray | None = None,
+    likely: np.ndarray | None = None,
+) -> float:
     """Evidence that a surface is the support; see `choose`."""
     seen = float(surface.region.sum()) * max(0.0, 1.0 - 5.0 * surface.below)
     seen *= 1.0 if surface.carried >= CARRIES else EMPTY
+    seen *= UNLIKELY if likely is not None and float(surface.plane[0] @ likely) < LEVEL else 1.0
     walls = up is None and any(_is_wall(surface, other, turns) for other in found)
     return seen * _upness(surface, turns, up) * (WALL if walls else 1.0)
 

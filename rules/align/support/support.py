@@ -11,12 +11,12 @@ from dextera_build.geometry import pictures, planes, regions, transforms, uprigh
 from dextera_build.rule import ROUNDING, Context, Tolerance, rule
 
 from . import uneven, unmeasured
-from .candidates import SIDES, Candidates, known_up, of_depth
+from .candidates import SIDES, Candidates, known_up, likely_up, of_depth
 from .support_options import SupportOptions
 from .surfaces import Surface
 
 
-@rule(version=6, tolerance=Tolerance({"": ROUNDING}))
+@rule(version=7, packages=("numpy", "opencv-python-headless"), tolerance=Tolerance({"": ROUNDING}))
 def support(
     ctx: Context,
     photograph: Photograph,
@@ -29,9 +29,10 @@ def support(
 
     The camera looks at the support from above, in any orientation about its axis, see `up`. Of several level surfaces,
     one on which things stand is chosen; `measured.gravity`, or the z axis of the robot's base (T_camera_base), tells
-    what is level. If another surface may be the support as well, a warning and a picture show both. Without depth, the
-    plane comes from a marker, from the robot's pose T_camera_base, or from an assumed pitch; the scale is unknown in
-    the last case.
+    what is level; without them, a surface that upright lines in the picture contradict has less weight. If another
+    surface may be the support as well, a warning and a picture show both. Without depth, the plane comes from a marker,
+    from the robot's pose T_camera_base, from upright lines, or from an assumed pitch; the scale is unknown in the last
+    two cases.
     """
     options = options or SupportOptions()
     if measured is None:
@@ -44,7 +45,7 @@ def support(
             pixels=f"{int(valid.sum()):,} within {options.farthest_m:g} m",
             hint="capture the table from 0.4 to 2 m, or raise `farthest_m`",
         )
-    seen = of_depth(ctx, photograph.camera, depth, valid, known_up(measured, robot), options)
+    seen = of_depth(ctx, photograph, depth, valid, known_up(measured, robot), options)
     best, turns, points = seen.best, seen.turns, seen.points
     level = _support(best, points, upright.turned(valid, turns))
     if doubt := uneven.doubt(level, points, upright.turned(valid, turns)):
@@ -54,6 +55,9 @@ def support(
     below, rms = result.camera_pose.matrix[2, 3], 1000 * (result.residual_m or 0.0)
     ctx.check(rms < 20.0, "the support is not flat", residual=f"{rms:.1f} mm")
     ctx.say(f"{area:.2f} m² at {below:.2f} m below the camera, {rms:.1f} mm rms")
+    if seen.likely is not None:
+        cosine = float(np.clip(seen.best.plane[0] @ seen.likely, -1.0, 1.0))
+        ctx.metric("upright lines", np.degrees(np.arccos(cosine)), "deg from the support's normal")
     ctx.metric("support residual", rms, "mm")
     ctx.metric("support inliers", result.inlier_fraction or 0.0)
     _show(ctx, photograph.rgb.pixels, seen)
@@ -77,12 +81,16 @@ def _unmeasured(ctx: Context, photograph: Photograph, robot: Pose | None, option
         frames = (robot.parent, robot.child)
         ctx.check(frames == ("camera", "base"), f"`robot` is T_{frames[0]}_{frames[1]}, but T_camera_base is needed")
         plane = unmeasured.under_robot(robot, options.base_above_m)
+    elif options.pitch_deg is None and (lines := likely_up(photograph, options)) is not None:
+        plane = unmeasured.by_lines(lines.direction)
     else:
-        plane = unmeasured.assumed(options.pitch_deg, turns)
+        plane = unmeasured.assumed(options.pitch_deg or unmeasured.PITCH_DEG, turns)
     result = unmeasured.support(ctx, photograph, plane, options.reach, turns)
     below = result.camera_pose.matrix[2, 3]
     if plane.scale == "unknown":
-        ctx.say(f"assumed: the camera looks down by {options.pitch_deg:g} deg; scale unknown")
+        pitch = np.degrees(np.arcsin(-plane.normal[2]))
+        how = "by upright lines" if plane.by_lines else "assumed"
+        ctx.say(f"{how}: the camera looks down by {pitch:.3g} deg; scale unknown")
     else:
         ctx.say(f"{below:.3f} m below the camera, by the {plane.scale}")
     return result

@@ -33,7 +33,8 @@ class SupportOptions(Options):
     """A marker on the support, for photographs without depth."""
     base_above_m: float = 0.0
     """Height of the robot's base above the support [m], for photographs without depth."""
-    pitch_deg: float = Field(35.0, gt=0.0, le=90.0)
-    """Pitch of the camera below the horizontal, assumed for photographs without depth, marker and robot [deg]."""
+    pitch_deg: float | None = Field(None, gt=0.0, le=90.0)
+    """Pitch of the camera below the horizontal, assumed for photographs without depth, marker and robot [deg]; None: by
+    upright lines in the picture, or 35 if they do not tell it."""
     reach: PositiveFloat = 3.0
     """Extent of an unmeasured support, in heights of the camera above it."""

@@ -27,6 +27,10 @@ class MarkerOptions(Options):
 
 CORNER_PX = 0.3
 """Standard deviation of the corners of a marker [px]."""
+PITCH_DEG = 35.0
+"""Pitch of a camera of which nothing is known [deg]."""
+LINES_RAD = np.radians(3.0)
+"""Standard deviation of the direction by upright lines [rad]; see `uprights`."""
 PITCH_RAD, ROLL_RAD = np.radians(10.0), np.radians(3.0)
 """Standard deviations of an assumed pitch and of its roll [rad]."""
 
@@ -39,6 +43,8 @@ class Plane(NamedTuple):
     scale: ScaleSource
     others: tuple[tuple[np.ndarray, float], ...] = ()
     """Normal and height one standard deviation away, in each independent direction."""
+    by_lines: bool = False
+    """Whether upright lines in the picture told the normal."""
 
 
 def marked(ctx: Context, photograph: Photograph, marker: MarkerOptions) -> Plane:
@@ -102,6 +108,14 @@ def assumed(pitch_deg: float, turns: int) -> Plane:
 
     others = (normal(pitch + PITCH_RAD), 1.0), (normal(pitch, ROLL_RAD), 1.0)
     return Plane(normal(pitch), 1.0, "unknown", others)
+
+
+def by_lines(up: np.ndarray) -> Plane:
+    """A support one unit below the camera, of an unknown unit, across the direction up (3,) in the camera frame."""
+    sideways = np.cross(up, [0.0, 0.0, 1.0])
+    axes = [each / np.linalg.norm(each) for each in (sideways, np.cross(up, sideways))]
+    others = tuple((lie.rotation(LINES_RAD * axis) @ up, 1.0) for axis in axes)
+    return Plane(up, 1.0, "unknown", others, by_lines=True)
 
 
 def support(ctx: Context, photograph: Photograph, plane: Plane, reach: float, turns: int) -> Support:

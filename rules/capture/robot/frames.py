@@ -1,4 +1,4 @@
-"""Pictures and depth of a recording at chosen times, as captures."""
+"""Pictures, depth and gravity of a recording at chosen times, as captures."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from dextera_build.rule import Context
 from .. import doubts
 from ..pinhole import Lens, nearest, pinhole, places, smooth
 from ..taken import DepthOptions, check_depth
+from . import falling
 from .topics import CameraTopics, beside
 
 TOGETHER_S = 0.05
@@ -35,6 +36,7 @@ def at(
     doubts.of_camera(ctx, camera)
     pictures = _chosen(mcap.pictures(stream, topics.image), stamps, 1e-6)
     depths = _depths(ctx, stream, topics, lens, stamps) if topics.depth else {}
+    down = falling.at(ctx, stream, topics, stamps) if depths else {}
     where = None if isinstance(lens, Camera) else places(lens)
     found: dict[str, Capture] = {}
     for number, stamp in enumerate(stamps):
@@ -45,7 +47,7 @@ def at(
             check_depth(ctx, depth, topics.depth, options, stream=True)
         if where is not None:
             pixels, depth = smooth(pixels, where), None if depth is None else nearest(depth, where)
-        measured = None if depth is None else Measured(depth=DepthImage(depth=depth))
+        measured = None if depth is None else Measured(depth=DepthImage(depth=depth), gravity=down.get(number))
         photograph = Photograph(rgb=Image(pixels=pixels), camera=camera)
         found[f"{label}_{number + 1:02d}"] = Capture(photograph=photograph, measured=measured)
         ctx.progress(number + 1, len(stamps), f"pictures, {stamp:.2f} s")
@@ -71,19 +73,12 @@ def _depths(
     if len(found) < len(stamps):
         ctx.warn(f"{len(stamps) - len(found)} pictures have no depth within {1000 * TOGETHER_S:.0f} ms")
     other = _lens(ctx, stream, own)
-    to_depth, to_picture = (_from_reference(stream, topic) for topic in (topics.depth, topics.image))
+    to_depth, to_picture = (falling.of_reference(stream, topic) for topic in (topics.depth, topics.image))
     if own != topics.lens and to_depth is not None and to_picture is not None and isinstance(other, Camera):
         motion, size = to_picture @ transforms.invert(to_depth), (lens.width, lens.height)
         return {n: registered(each, other.matrix(), motion, lens.project, size) for n, each in found.items()}
     _check_registered(ctx, other, topics, lens)
     return found
-
-
-def _from_reference(stream: Stream, topic: str) -> np.ndarray | None:
-    """(4, 4) T_camera_reference of an image topic of librealsense, from its `tf/0` topic."""
-    top = topic.removesuffix("/image/data")
-    known = [each.topic for each in stream.channels if each.topic.startswith(f"{top}/tf/")]
-    return mcap.transform(stream, known[0]) if len(known) == 1 else None
 
 
 def _check_registered(ctx: Context, other: Camera | Lens, topics: CameraTopics, lens: Camera | Lens) -> None:

@@ -42,6 +42,13 @@ def of_camera(ctx: Context, stream: Stream, image: str, depth: str, lens: str) -
     return CameraTopics(chosen, depth, lens or beside(ctx, chosen, lenses))
 
 
+def only_depth(ctx: Context, stream: Stream) -> str:
+    """The only topic of depth, registered to the pictures if several are; empty if there is none."""
+    known = [topic for topic in _named(stream, PICTURES) if "depth" in topic.lower()]
+    known = [topic for topic in known if "aligned" in topic.lower()] or known
+    return _only(ctx, known, "depth", "depth", stream) if known else ""
+
+
 def of_joints(ctx: Context, stream: Stream, topic: str) -> str:
     """The topic of the joint states."""
     known = _named(stream, JOINTS)
@@ -56,8 +63,7 @@ def of_joints(ctx: Context, stream: Stream, topic: str) -> str:
 
 def beside(ctx: Context, image: str, lenses: list[str]) -> str:
     """The topic of intrinsics that shares most of its path with the pictures, following the naming of drivers."""
-    parts = image.strip("/").split("/")
-    shared = {topic: _shared(parts, topic.strip("/").split("/")) for topic in lenses}
+    shared = {topic: in_common(image, topic) for topic in lenses}
     best = max(shared.values(), default=0)
     found = [topic for topic in lenses if shared[topic] == best]
     if len(lenses) != 1 and (not best or len(found) != 1):
@@ -71,9 +77,10 @@ def beside(ctx: Context, image: str, lenses: list[str]) -> str:
     return found[0]
 
 
-def _shared(one: list[str], other: list[str]) -> int:
+def in_common(one: str, other: str) -> int:
+    """Number of leading parts that the names of two topics have in common."""
     count = 0
-    for left, right in zip(one, other, strict=False):
+    for left, right in zip(one.strip("/").split("/"), other.strip("/").split("/"), strict=False):
         if left != right:
             break
         count += 1

@@ -16,7 +16,7 @@ NOTABLE_M = 0.005
 """Overlap above which a warning is given, because an unseen part of a shape is wrong [m]."""
 
 
-@rule(version=3, packages=("scipy",))
+@rule(version=4, packages=("scipy",))
 def scene(ctx: Context, assets: Collection[Asset], background: Background, support: Support, camera: Camera) -> Scene:
     """Return the twin as MJCF in the world frame [m, kg, rad]: z up, support at z = 0, camera `capture`.
 
@@ -32,7 +32,7 @@ def scene(ctx: Context, assets: Collection[Asset], background: Background, suppo
     for cut in cuts:
         _told(ctx, cut)
     for label, gap in found.feet.items():
-        ctx.warn(f"{label} was seen {1000 * gap:.0f} mm above the support: it gets feet, which are not drawn")
+        ctx.warn(f"{label} was seen {1000 * gap:.0f} mm above what carries it: it gets feet, which are not drawn")
     model = mjcf.write(description.describe(found, room, camera, support.camera_pose.matrix))
     joints = sum(len(asset.body.joints) for asset in placed.values())
     pieces = sum(len(part.hulls) for asset in placed.values() for part in asset.collision.links.values())
@@ -43,9 +43,17 @@ def scene(ctx: Context, assets: Collection[Asset], background: Background, suppo
     ctx.metric("mass", mass, "kg")
     ctx.metric("overlap", 1000 * max((cut.deep_m for cut in cuts), default=0.0), "mm")
     unknown = ", scale unknown" if support.scale == "unknown" else ""
-    bodies = tuple(names.body_names(placed).values())
+    known = names.body_names(placed)
+    bodies, cut_off = tuple(known.values()), tuple(name for label, name in known.items() if placed[label].cut)
     ctx.say(f"{amount(len(bodies), 'body', 'bodies')}, {amount(joints, 'joint')}, {mass:.2f} kg{unknown}")
-    return Scene(model=model, camera=camera, camera_pose=support.camera_pose, bodies=bodies, scale=support.scale)
+    return Scene(
+        model=model,
+        camera=camera,
+        camera_pose=support.camera_pose,
+        bodies=bodies,
+        cut=cut_off,
+        scale=support.scale,
+    )
 
 
 def _told(ctx: Context, cut: neighbours.Cut) -> None:

@@ -167,6 +167,14 @@ def test_gravity_tells_a_level_table_from_a_leaning_board():
     assert choice.choose([table, board], 0.02, up=-up) is None
 
 
+def test_upright_lines_weigh_against_a_leaning_board_but_do_not_exclude_it():
+    table, board = flat((0.0, -0.8, -0.6), 0.5, 300, 0.1), flat((0.0, -0.2, -0.98), 0.9, 500, 0.1)
+    up = np.array([0.0, -0.8, -0.6])
+    assert choice.choose([table, board], 0.02, likely=up) is table
+    assert choice.choose([board], 0.02, likely=up) is board
+    assert choice.choose([table, flat((0.0, -0.2, -0.98), 0.9, 900, 0.1)], 0.02, likely=up) is not table
+
+
 def test_the_support_carries_something():
     """A small table is before a large floor, and before the empty seat of a chair beside it."""
     table, seat = flat((0.0, -0.8, -0.6), 0.75, 100, 0.2), flat((0.0, -0.8, -0.6), 0.95, 250, 0.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dextera_build.artifacts.objects.view import InstanceMap
-from rules.background.holes import hole, remnants, shaded
+from rules.background.holes import hole, remnants, scraps, shaded
 
 SIZE = (240, 320)
 WOOD = np.array([168, 140, 110], np.float32)
@@ -48,8 +48,8 @@ def test_what_a_mask_missed_goes_and_a_thing_that_reaches_farther_stays() -> Non
     other, flat = np.zeros(SIZE, bool), np.zeros(SIZE, bool)
     other[110:120, 181:187] = True  # a handle
     other[60:98, 140:180] = True  # a box behind
-    other[110:120, 130:138] = True
-    flat[110:120, 130:138] = True  # a sheet of paper
+    other[110:120, 90:138] = flat[110:120, 90:138] = True  # a sheet of paper
+    other[130:140, 130:138] = flat[130:140, 130:138] = True  # a highlight on the support
     other[125:130, 181:215] = True  # the shiny end of a tin
     blank = np.zeros(SIZE, bool)
     blank[125:130, 181:215] = True
@@ -58,4 +58,17 @@ def test_what_a_mask_missed_goes_and_a_thing_that_reaches_farther_stays() -> Non
     assert not found[60:98].any()
     assert found[125:130, 181:215].all()
     assert not remnants(other, wide, flat, np.zeros(SIZE, bool))[125:130, 181:215].any()
-    assert not found[110:120, 130:138].any()
+    assert not found[110:120, 90:138].any()
+    assert not found[130:140, 130:138].any()
+
+
+def test_a_highlight_next_to_a_mask_goes_and_a_sheet_that_goes_on_stays() -> None:
+    labels = np.zeros(SIZE, np.int32)
+    labels[100:140, 140:180] = 1
+    wide = hole(InstanceMap(labels=labels, fixed=np.zeros(SIZE, bool)), np.zeros(SIZE, bool), 0.04)
+    other = np.zeros(SIZE, bool)
+    other[110:120, 90:138] = True  # a sheet of paper
+    other[130:140, 130:138] = True  # a highlight
+    found = scraps(other, wide)
+    assert not found[110:120].any()
+    assert found[130:140, 130:138].all()

@@ -62,11 +62,24 @@ class Bag:
 
     def transform(self, topic: str, motion: np.ndarray, stamp: float) -> Bag:
         """Add a `geometry_msgs/Transform` of a (4, 4) motion."""
-        types = self._store.types
-        w, x, y, z = (float(each) for each in quaternions.from_matrix(motion[:3, :3]))
-        place = types["geometry_msgs/msg/Vector3"](*(float(each) for each in motion[:3, 3]))
-        turn = types["geometry_msgs/msg/Quaternion"](x, y, z, w)
-        self._add(topic, "geometry_msgs/msg/Transform", stamp, place, turn)
+        made = self._motion(motion)
+        self._add(topic, "geometry_msgs/msg/Transform", stamp, made.translation, made.rotation)
+        return self
+
+    def accelerations(self, topic: str, frame: str, rows: Mapping[float, np.ndarray]) -> Bag:
+        """Add `sensor_msgs/Imu`s: stamp -> acceleration (3,) [m/s^2]."""
+        types, unknown = self._store.types, np.array([-1.0, *np.zeros(8)])
+        vector, turn = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Quaternion"]
+        for stamp, (x, y, z) in rows.items():
+            fields = (turn(0.0, 0.0, 0.0, 1.0), unknown, vector(0.0, 0.0, 0.0), unknown, vector(x, y, z), unknown)
+            self._add(topic, "sensor_msgs/msg/Imu", stamp, self._header(stamp, frame), *fields)
+        return self
+
+    def frames(self, topic: str, edges: Mapping[tuple[str, str], np.ndarray], stamp: float) -> Bag:
+        """Add one `tf2_msgs/TFMessage`: (parent, child) -> T_parent_child (4, 4) [m]."""
+        stamped = self._store.types["geometry_msgs/msg/TransformStamped"]
+        rows = [stamped(self._header(stamp, one), other, self._motion(each)) for (one, other), each in edges.items()]
+        self._add(topic, "tf2_msgs/msg/TFMessage", stamp, rows)
         return self
 
     def text(self, topic: str, value: str, stamp: float) -> Bag:
@@ -95,6 +108,12 @@ class Bag:
             return writer
         plugin = rosbag2.StoragePlugin.SQLITE3 if self._sqlite else rosbag2.StoragePlugin.MCAP
         return rosbag2.Writer(self._path, version=9, storage_plugin=plugin)
+
+    def _motion(self, motion: np.ndarray) -> Any:
+        types = self._store.types
+        w, x, y, z = (float(each) for each in quaternions.from_matrix(motion[:3, :3]))
+        place = types["geometry_msgs/msg/Vector3"](*(float(each) for each in motion[:3, 3]))
+        return types["geometry_msgs/msg/Transform"](place, types["geometry_msgs/msg/Quaternion"](x, y, z, w))
 
     def _header(self, stamp: float, frame: str) -> Any:
         types, time = self._store.types, round(stamp * 1e9)

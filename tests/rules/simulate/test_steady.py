@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.scenes.scene import Scene
+from dextera_build.geometry import lie
 from dextera_build.rule import Context
 from dextera_build.sim.model import model as models
+from dextera_build.sim.worlds.hold_unstable import _cause
+from dextera_build.sim.worlds.settle import Motion
 from rules.simulate.scene import settle_mujoco, steady_mujoco, steady_stub
 from rules.simulate.scene.scene import scene
 from rules.simulate.scene.settle import SettleOptions, settle
@@ -66,6 +71,28 @@ def test_what_would_fall_is_held_and_an_articulated_neighbour_keeps_its_joint(tm
     home, alone = models.at_home(model), models.at_home(models.compile_folder(placed(tmp_path, lap=lap).model))
     assert home.qpos == pytest.approx(alone.qpos)
     assert settles(twin, tmp_path)
+
+
+def test_what_leans_on_another_one_is_held_with_its_name_and_that_the_border_cuts_it(tmp_path):
+    lean = factories.pose(0.0, z=0.1)
+    lean[:3, :3] = lie.rotation(np.array([0.0, np.radians(30.0), 0.0]))
+    leaning = factories.box_asset(lean, size=(0.02, 0.08, 0.16)).model_copy(update={"cut": True})
+    wall = factories.box_asset(factories.pose(0.085), size=(0.06, 0.1, 0.13), mass=3.0)
+    twin, _ = made_steady(tmp_path, leaning=leaning, wall=wall)
+    assert twin.cut == ("leaning",)
+    assert set(twin.held) == {"leaning"}
+    assert twin.held["leaning"].endswith(steady_mujoco.CUT)
+
+
+def test_the_cause_names_what_is_touched():
+    still = Motion("a", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    slides, tips, falls = (replace(still, **{name: 0.3}) for name in ("drift_m", "tilt_rad", "fall_m"))
+    assert _cause(slides, {"b": 0.0, "": 0.0}) == "it would move by 300 mm: it slides off b"
+    assert _cause(slides, {"": 0.0}) == "it would move by 300 mm: what carries it is hidden"
+    assert _cause(tips, {"b": 0.0005}) == "it would tip over by 17 deg: it leans on b"
+    assert _cause(tips, {}) == "it would tip over by 17 deg: it leans, or its lower part is hidden"
+    assert _cause(falls, {}) == "nothing carries it: it would fall by 300 mm"
+    assert _cause(falls, {"b": 0.001, "": 0.012}) == "it is 12 mm inside the room"
 
 
 def test_neighbours_that_overlap_a_little_both_stay_free(tmp_path):

@@ -110,7 +110,7 @@ def test_a_joint_keeps_its_pieces_in_their_links() -> None:
     assert deepest(found["laptop"], found["beside"]) <= TOUCH_M
 
 
-@pytest.mark.parametrize("gap", [0.003, 0.007, 0.011])
+@pytest.mark.parametrize("gap", [0.003, 0.007, 0.013, 0.029])
 def test_a_body_that_hovers_alone_gets_feet_and_stays(gap: float) -> None:
     assets = {"a": box(0.0, z=gap), "far": box(0.3)}
     found = parted(assets, [])
@@ -124,8 +124,31 @@ def test_a_body_that_hovers_alone_gets_feet_and_stays(gap: float) -> None:
 
 
 def test_what_hangs_high_or_leans_on_another_gets_no_feet() -> None:
-    assert parted({"a": box(0.0, z=0.02)}, []).feet == {}
+    assert parted({"a": box(0.0, z=0.04)}, []).feet == {}
     assert parted({"a": box(0.0, z=0.007), "b": box(0.101)}, []).feet == {}
+
+
+def test_what_stands_on_a_board_of_the_static_scene_gets_no_feet() -> None:
+    board = np.array([[x, y, z] for x in (-0.2, 0.2) for y in (-0.2, 0.2) for z in (0.0, 0.018)])
+    assets = {"a": box(0.0, z=0.0185)}
+    found = parted(assets, [board])
+    assert found.feet == {}
+    assert found.assets["a"] is assets["a"]
+
+
+def test_a_thing_in_a_bowl_whose_foot_is_hidden_stands_on_the_bowl() -> None:
+    """Its seen part stays where it is: it neither falls nor slides along the bowl's wall."""
+    bowl = factories.bowl_asset(factories.pose(0.4, 0.0))
+    can = factories.box_asset(factories.pose(0.41, 0.008, 0.022), (0.03, 0.03, 0.06))
+    assert drift({"bowl": bowl, "can": can}) < 0.0005
+    found = parted({"bowl": bowl, "can": can}, [])
+    assert set(found.feet) == {"can"}
+    assert found.assets["bowl"] is bowl
+    assert found.assets["can"].body is can.body
+
+
+def test_a_thing_far_above_what_carries_it_gets_no_feet() -> None:
+    assert parted({"a": box(0.0), "b": box(0.0, z=0.15)}, []).feet == {}
 
 
 def test_the_lowest_of_a_stack_that_hovers_gets_feet_and_all_stay() -> None:
