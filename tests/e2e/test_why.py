@@ -112,6 +112,7 @@ def test_a_moved_statement_is_told_as_a_change_of_order(space):
     assert cause["change"] == "SIGN <module> -> <module> SIGN"
 
 
+@pytest.mark.medium
 def test_another_version_of_an_imported_package_makes_stale_what_reaches_it(space):
     space.edit("rules/toy/marks.py", "def mark", "def seen():\n    import cv2\n\ndef mark")
     assert space.build("say/words").code == 0

@@ -73,6 +73,7 @@ def test_what_is_nothing_is_named(capsys: pytest.CaptureFixture[str]) -> None:
 COMMON = Path(error_codes.__file__).parent.parent / "docs" / "common_errors.md"
 
 
+@pytest.mark.medium
 def test_forty_codes_have_an_example_and_what_to_write_instead(capsys: pytest.CaptureFixture[str]) -> None:
     codes = re.findall(r"^## (.*)", COMMON.read_text(), re.MULTILINE)
     known = {site.code for site in error_codes.sites()}

@@ -73,7 +73,7 @@ def test_a_training_that_was_killed_ends_with_the_same_bytes(
     ACT.assert_resumes(tmp_path, monkeypatch, **more)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_state_of_another_training_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     data = episodes.small(4)
     interrupted(tmp_path, data, 7, monkeypatch)
@@ -81,7 +81,7 @@ def test_the_state_of_another_training_is_not_used(tmp_path: Path, monkeypatch: 
     assert not [line for line in lines if line.startswith("resumes")]
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_damaged_state_begins_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     data = episodes.small(4)
     whole, _ = interrupted(tmp_path / "whole", data, None, monkeypatch)

@@ -120,6 +120,7 @@ def test_a_training_that_was_killed_ends_with_the_same_bytes(
     DIFFUSION.assert_resumes(tmp_path, monkeypatch, **more)
 
 
+@pytest.mark.medium
 @BOTH
 def test_a_trial_repeats_and_every_step_has_other_noise(tmp_path: Path, network: str) -> None:
     policy = load(learn(tmp_path, episodes.small(4), network=network), BUNDLE)
@@ -258,7 +259,7 @@ def test_profile_gpu_trains_with_the_same_code(tmp_path: Path, rule: str) -> Non
     assert gpu.module.train is cpu.module.train
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", ["learn.act", "learn.diffusion"])
 def test_all_tensors_are_on_the_device_of_the_call(tmp_path: Path, rule: str) -> None:
     """Tensors that have a device and no data take the place of a GPU."""

@@ -195,6 +195,7 @@ def test_both_hands_of_a_task_are_moved(tmp_path: Path) -> None:
     assert not moved & {*right.hand}
 
 
+@pytest.mark.medium
 def test_the_state_of_another_training_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     interrupted(tmp_path, 44, monkeypatch)
     _, lines = interrupted(tmp_path, None, monkeypatch, seed=1)
@@ -230,6 +231,7 @@ def test_a_training_that_diverges_is_one_clear_error(tmp_path: Path) -> None:
     assert caught.value.hint == "rate: 3e+29"
 
 
+@pytest.mark.medium
 def test_a_policy_acts_as_it_practised(tmp_path: Path) -> None:
     """The targets that a loaded policy sends are those that its decisions led to in training, bit for bit."""
     import torch

@@ -86,7 +86,7 @@ def test_a_laptop_is_one_articulated_thing(runner):
     assert [element.body_type for element in found.values()] == ["articulated"]
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_laptop_of_which_the_network_joins_lid_and_base_is_one_too(runner):
     scene = two_states.shown(two_states.OPENED[0], two_states.BOX[0])
     found = interactive(parsed(runner, scene))
