@@ -149,6 +149,7 @@ def test_cache_size_counts(asked):
     assert int(rows["blobs"][1]) > 0
 
 
+@pytest.mark.medium
 def test_doctor_lists_findings(space):
     answer = space.dxb("doctor", "--json")
     assert answer.code in (0, 4)

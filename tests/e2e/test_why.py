@@ -55,6 +55,7 @@ def built(space):
     return space
 
 
+@pytest.mark.medium
 def test_a_recipe_lists_every_stale_node_with_its_cause(built):
     answer = built.dxb("why", "say/words")
     assert (answer.code, answer.out, answer.err) == (0, "", "say/words is up to date\n")
@@ -112,6 +113,7 @@ def test_a_moved_statement_is_told_as_a_change_of_order(space):
     assert cause["change"] == "SIGN <module> -> <module> SIGN"
 
 
+@pytest.mark.medium
 def test_another_version_of_an_imported_package_makes_stale_what_reaches_it(space):
     space.edit("rules/toy/marks.py", "def mark", "def seen():\n    import cv2\n\ndef mark")
     assert space.build("say/words").code == 0

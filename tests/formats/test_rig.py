@@ -42,12 +42,22 @@ def test_a_chain_of_kalibr_is_read(tmp_path):
     assert rig.picture().startswith(b"\x89PNG")
 
 
+def as_kalibr_has_them(rig: Rig) -> Rig:
+    """The rig with lenses of four coefficients, which is what Kalibr knows."""
+    none = dict.fromkeys(("k3", "k4", "k5", "k6"), 0.0)
+    cameras = {
+        label: lens.model_copy(update=none) if isinstance(lens, BrownConrady) else lens
+        for label, lens in rig.cameras.items()
+    }
+    return rig.model_copy(update={"cameras": cameras})
+
+
 @settings(max_examples=25)
-@given(values(Rig))
+@given(values(Rig).map(as_kalibr_has_them))
 def test_a_camchain_holds_everything(tmp_path_factory, rig):
     kinds = rig.cameras.values()
     assume(rig.cameras and not any(isinstance(lens, Equirectangular) for lens in kinds))
-    assume(not any(isinstance(lens, BrownConrady) and lens.coefficients()[4:].any() for lens in kinds))
+    assert not any(lens.coefficients()[4:].any() for lens in kinds if isinstance(lens, BrownConrady))
     path = tmp_path_factory.mktemp("rig") / "camchain.yaml"
     rig.save(path)
     again = Rig.load(path)

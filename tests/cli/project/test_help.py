@@ -24,6 +24,7 @@ def test_an_error_code_says_what_it_means_and_what_to_do(capsys: pytest.CaptureF
     assert said(capsys, "u195") == told
 
 
+@pytest.mark.medium
 def test_a_rule_says_what_it_takes_and_gives(capsys: pytest.CaptureFixture[str]) -> None:
     rows = [line.split("\t") for line in said(capsys, "factorize.mesh").splitlines()]
     assert [row[0] for row in rows[:5]] == ["rule", "input", "input", "input", "output"]
@@ -73,6 +74,7 @@ def test_what_is_nothing_is_named(capsys: pytest.CaptureFixture[str]) -> None:
 COMMON = Path(error_codes.__file__).parent.parent / "docs" / "common_errors.md"
 
 
+@pytest.mark.medium
 def test_forty_codes_have_an_example_and_what_to_write_instead(capsys: pytest.CaptureFixture[str]) -> None:
     codes = re.findall(r"^## (.*)", COMMON.read_text(), re.MULTILINE)
     known = {site.code for site in error_codes.sites()}

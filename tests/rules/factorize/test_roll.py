@@ -84,7 +84,7 @@ def test_clicks_count_in_the_picture_as_it_was_taken(runner, photographed):
         assert tabletops.iou(found.map.labels == number, labels == number) > 0.99
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_which_side_is_up_can_be_said(runner, photographed):
     found, _, warnings = segmented(runner, turned(photographed, 2), up="bottom")
     assert len(found.names) == 3
@@ -92,9 +92,7 @@ def test_which_side_is_up_can_be_said(runner, photographed):
 
 
 @pytest.mark.medium
-@pytest.mark.parametrize(
-    "roll_deg", [-44, 135, pytest.param(30, marks=pytest.mark.slow), pytest.param(60, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("roll_deg", [135, *(pytest.param(angle, marks=pytest.mark.slow) for angle in (-44, 30, 60))])
 def test_any_roll_will_do(runner, roll_deg):
     angle, turn = np.radians(roll_deg), np.eye(4)
     turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]

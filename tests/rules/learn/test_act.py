@@ -73,7 +73,7 @@ def test_a_training_that_was_killed_ends_with_the_same_bytes(
     ACT.assert_resumes(tmp_path, monkeypatch, **more)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_state_of_another_training_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     data = episodes.small(4)
     interrupted(tmp_path, data, 7, monkeypatch)
@@ -81,7 +81,7 @@ def test_the_state_of_another_training_is_not_used(tmp_path: Path, monkeypatch: 
     assert not [line for line in lines if line.startswith("resumes")]
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_damaged_state_begins_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     data = episodes.small(4)
     whole, _ = interrupted(tmp_path / "whole", data, None, monkeypatch)
@@ -133,6 +133,7 @@ def test_labels_are_what_was_meant_and_not_what_was_sent(tmp_path: Path) -> None
     assert learned[0] == learned[1]
 
 
+@pytest.mark.medium
 def test_the_normalisation_comes_from_training_episodes_alone(tmp_path: Path) -> None:
     data = episodes.small(4)
     far = {name: episodes.observed(one, joints=one.joints + np.float32(5.0)) for name, one in data.items.items()}
@@ -196,6 +197,7 @@ def test_the_stub_gives_a_checkpoint_of_the_same_form(tmp_path: Path) -> None:
         load(stub, BUNDLE)
 
 
+@pytest.mark.medium
 def test_it_reports_loss_and_curve(tmp_path: Path) -> None:
     runner = RuleRunner(tmp_path)
     runner.run("learn.act", bundle=BUNDLE, episodes=episodes.small(4), options=dict(ACT.small))

@@ -63,6 +63,7 @@ def sent(made: Checkpoint, data: Episodes, name: str, steps: int = STEPS) -> np.
     return np.array(acted)
 
 
+@pytest.mark.medium
 def test_it_remembers_what_was_seen_earlier_in_the_horizon(tmp_path: Path) -> None:
     data = remembered()
     made = RNN.learn(tmp_path, data, horizon=STEPS)
@@ -112,6 +113,7 @@ def test_ways_that_were_shown_are_kept_apart(tmp_path: Path) -> None:
     assert np.abs(np.abs(picked) - 0.5).max() < 0.05
 
 
+@pytest.mark.medium
 def test_targets_far_from_the_mean_are_reached(tmp_path: Path) -> None:
     """One step in ten goes to 1 rad, three standard deviations from the mean; a bound of -1..1 would cut it off."""
     at = np.arange(STEPS)
@@ -173,6 +175,7 @@ def test_it_learns_what_was_shown(tmp_path: Path) -> None:
     assert miss(made) < 0.1
 
 
+@pytest.mark.medium
 def test_the_same_inputs_give_the_same_bytes(tmp_path: Path) -> None:
     data = episodes.small(4)
     first = learn(tmp_path, data)
@@ -188,6 +191,7 @@ def test_a_training_that_was_killed_ends_with_the_same_bytes(
     SWING.assert_resumes(tmp_path, monkeypatch, **more)
 
 
+@pytest.mark.medium
 def test_it_learns_from_pictures(tmp_path: Path) -> None:
     data = episodes.small(4)
     made = learn(tmp_path, data, inputs=("joints", "rgb"), film=filmed(data))

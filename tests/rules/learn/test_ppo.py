@@ -115,6 +115,7 @@ def test_a_training_leaves_global_generators_as_they_were(tmp_path: Path) -> Non
     assert (np.random.get_state()[1].tolist(), torch.get_rng_state().tolist()) == before
 
 
+@pytest.mark.medium
 def test_a_training_leaves_no_temporary_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = tmp_path / "temporary"
     folder.mkdir()
@@ -164,6 +165,7 @@ def test_a_curriculum_that_is_not_passed_stays_near_the_photograph(tmp_path: Pat
     assert runner.outcome.line.endswith("success while exploring within 25 % of the ranges of starts")
 
 
+@pytest.mark.medium
 def test_threads_do_not_change_the_bytes(tmp_path: Path) -> None:
     options = {"worlds": 3, "steps": 48}
     assert same(learn(tmp_path / "1", **options), learn(tmp_path / "2", threads=3, **options))
@@ -195,6 +197,7 @@ def test_both_hands_of_a_task_are_moved(tmp_path: Path) -> None:
     assert not moved & {*right.hand}
 
 
+@pytest.mark.medium
 def test_the_state_of_another_training_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     interrupted(tmp_path, 44, monkeypatch)
     _, lines = interrupted(tmp_path, None, monkeypatch, seed=1)
@@ -214,6 +217,7 @@ def test_a_damaged_state_begins_anew(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert same(rest, whole)
 
 
+@pytest.mark.medium
 def test_a_full_disk_does_not_end_a_training(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*arguments: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -230,6 +234,7 @@ def test_a_training_that_diverges_is_one_clear_error(tmp_path: Path) -> None:
     assert caught.value.hint == "rate: 3e+29"
 
 
+@pytest.mark.medium
 def test_a_policy_acts_as_it_practised(tmp_path: Path) -> None:
     """The targets that a loaded policy sends are those that its decisions led to in training, bit for bit."""
     import torch
@@ -255,6 +260,7 @@ def test_a_policy_acts_as_it_practised(tmp_path: Path) -> None:
     assert np.array_equal(acted[3::4], practised)
 
 
+@pytest.mark.medium
 def test_a_policy_holds_nothing_of_its_critic(tmp_path: Path) -> None:
     """Its input is the deployable channels alone, so there is no place where privileged numbers could enter."""
     made = learn(tmp_path)

@@ -52,6 +52,7 @@ def files(tmp_path: Path, made: Checkpoint) -> dict[str, bytes]:
     return found.files
 
 
+@pytest.mark.medium
 def test_openvla_learns_all_joints_with_ranges_of_a_least_size(tmp_path: Path, sets: dict[str, Folder]) -> None:
     base = vla_clones.openvla(tmp_path)
     made = trained(tmp_path, "openvla", sets["openvla"], base=str(base), steps=20, batch=2, least_range_rad=0.01)
@@ -99,6 +100,7 @@ def test_openpi_gets_a_configuration_and_goes_on_after_its_last_checkpoint(
     assert b"def configured" in found["launch.py"]
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(("name", "own"), [("openvla", {"rank": 7}), ("openpi", {"seed": 8})])
 def test_a_loss_that_is_no_number_ends_the_training(
     tmp_path: Path, name: str, own: dict[str, Any], sets: dict[str, Folder]
@@ -109,6 +111,7 @@ def test_a_loss_that_is_no_number_ends_the_training(
     assert caught.value.code == "DXB-B378"
 
 
+@pytest.mark.medium
 def test_what_is_missing_is_told(tmp_path: Path, sets: dict[str, Folder]) -> None:
     vla_clones.openvla(tmp_path)
     with pytest.raises(RuleError, match="`base` names no folder with a model") as caught:
@@ -129,6 +132,7 @@ def test_another_form_of_data_is_refused(tmp_path: Path, sets: dict[str, Folder]
         trained(tmp_path, "openpi", Folder(files=info))
 
 
+@pytest.mark.medium
 def test_its_own_server_runs_it(tmp_path: Path, sets: dict[str, Folder]) -> None:
     base = vla_clones.openvla(tmp_path)
     made = trained(tmp_path, "openvla", sets["openvla"], base=str(base), steps=10)

@@ -38,6 +38,7 @@ def can(radius: float, height: float) -> np.ndarray:
     return np.concatenate([tube(radius, height), lid])
 
 
+@pytest.mark.medium
 def test_a_pinch_has_the_object_between_thumb_and_fingers(robot: RobotModel, hand: HandKinematics) -> None:
     found = list(candidates(can(0.04, 0.1), {"pinch": robot.limbs["arm"].grips["pinch"]}, hand))
     assert found
@@ -52,6 +53,7 @@ def test_a_pinch_has_the_object_between_thumb_and_fingers(robot: RobotModel, han
         assert 0.0 < fingers[2] < 0.12
 
 
+@pytest.mark.medium
 def test_the_wall_of_a_vessel_is_pinched_from_inside_and_outside(robot: RobotModel, hand: HandKinematics) -> None:
     pinch = {"pinch": robot.limbs["arm"].grips["pinch"]}
     assert not [grasp for grasp in candidates(can(0.07, 0.06), pinch, hand) if "wall" in grasp.name]
@@ -68,6 +70,7 @@ def test_nothing_wider_than_the_hand_is_pinched(robot: RobotModel, hand: HandKin
     assert not list(candidates(can(0.15, 0.1), {"pinch": robot.limbs["arm"].grips["pinch"]}, hand))
 
 
+@pytest.mark.medium
 def test_a_wrap_lays_the_object_into_the_palm(robot: RobotModel, hand: HandKinematics) -> None:
     grip = robot.limbs["arm"].grips["wrap"]
     found = list(candidates(can(0.035, 0.19), {"wrap": grip}, hand))
@@ -80,6 +83,7 @@ def test_a_wrap_lays_the_object_into_the_palm(robot: RobotModel, hand: HandKinem
         assert grasp.away @ out < 0, "it waits behind"
 
 
+@pytest.mark.medium
 def test_candidates_are_rotations(robot: RobotModel, hand: HandKinematics) -> None:
     for grasp in candidates(can(0.035, 0.15), robot.limbs["arm"].grips, hand):
         turn = grasp.palm[:3, :3]

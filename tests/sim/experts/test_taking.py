@@ -57,6 +57,7 @@ def carried(state: State, name: str, by: np.ndarray) -> State:
     return State(state.joints, {**state.objects, name: by @ state.objects[name]}, state.displacement)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("came_along", [True, False])
 def test_the_plan_goes_on_only_with_the_object_in_the_hand(stacking: Driver, placing: Place, came_along: bool) -> None:
     state, grasp = stacking.state(), placing.grasp

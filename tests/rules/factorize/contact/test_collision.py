@@ -42,7 +42,7 @@ def rests_at(hulls: tuple[Hull, ...], radius: float, above: float) -> float:
     return float(data.qpos[2])
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "floor"),
     [
@@ -112,6 +112,7 @@ def test_a_convex_body_is_one_hull_of_few_corners(runner):
     assert 20 < len(made.hulls[0].vertices) <= 100
 
 
+@pytest.mark.medium
 def test_a_concave_body_without_a_cavity_goes_to_coacd_and_repeats(runner):
     body = object_views.body(object_views.mesh(object_views.bracket()))
     first, second = pieces(runner, body), pieces(runner, body)
@@ -126,7 +127,7 @@ def test_wedges_repeat_byte_for_byte(runner):
     assert runner.encode(pieces(runner, body)) == runner.encode(pieces(runner, body))
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_line_says_what_was_reached_and_what_was_not(runner):
     body = object_views.body(object_views.mesh(object_views.bowl()), hollow=True)
     pieces(runner, body, coacd={"pieces": 12, "attempts": 1})

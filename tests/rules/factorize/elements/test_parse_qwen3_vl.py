@@ -49,6 +49,7 @@ def parse(folder, weights, shot, **options):
     return runner, runner.run("factorize.parse", backend="qwen3_vl", options={"qwen3_vl": options}, photograph=shot)
 
 
+@pytest.mark.medium
 def test_things_come_from_the_model_with_boxes_in_thousandths(tmp_path, knowing, shot):
     runner, found = parse(tmp_path, knowing, shot, picture_tokens=64)
     rows, columns = shot.rgb.pixels.shape[:2]

@@ -15,7 +15,7 @@ from dextera_build.geometry import kinematics, massprops, metrics, solids
 from dextera_build.testing import RuleRunner
 from tests import object_views
 
-ANGLES = (0.6, 1.885, 2.5)
+ANGLES = (pytest.param(0.6, marks=pytest.mark.slow), 1.885, pytest.param(2.5, marks=pytest.mark.slow))
 
 
 @pytest.fixture
@@ -85,6 +85,7 @@ def _solid(body: Body, position: float):
     return made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("overlap", [0.0, 0.004])
 def test_at_the_observed_angle_the_links_are_where_they_were_seen(laptop, overlap):
     mesh, body = laptop(1.885, overlap)

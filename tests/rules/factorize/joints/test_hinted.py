@@ -53,7 +53,7 @@ class Closed:
         )
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_closed_door_turns_about_the_line_between_two_pixels(runner):
     case = Closed("cupboard")
     (true,) = case.thing.joints

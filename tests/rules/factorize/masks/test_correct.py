@@ -82,6 +82,7 @@ def test_pixels_of_another_object_are_taken_from_it_and_that_is_said(tmp_path, f
     assert "taken by a painted mask" in runner.outcome.line
 
 
+@pytest.mark.medium
 def test_editors_may_write_colours_palettes_or_transparency(tmp_path, found):
     mask = of(found["objects"], "red_box")
     mask[: np.nonzero(mask)[0].min() + 10] = False

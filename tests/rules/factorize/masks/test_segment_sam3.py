@@ -109,6 +109,7 @@ def test_the_support_needs_no_box(tmp_path, weights, photograph, backend, monkey
     assert asked == ["red thing"]
 
 
+@pytest.mark.medium
 def test_the_self_test_runs(backend, weights, tmp_path) -> None:
     from dextera_build.rule import Context
     from dextera_build.rule.pretrained import Pretrained

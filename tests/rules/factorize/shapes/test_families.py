@@ -58,7 +58,7 @@ def on_table(body: Solid, turn: np.ndarray) -> Solid:
 @pytest.mark.parametrize(
     ("size", "slope", "pitch"), [((0.24, 0.16, 0.12), 0.15, 40), ((0.3, 0.2, 0.05), 0.0, 35)], ids=["basket", "tray"]
 )
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_rectangular_vessel_is_hollow_and_its_walls_leave_the_cavity_free(tmp_path, size, slope, pitch):
     body = synthetic.placed(basket(size, slope, 0.005, 0.006), 0.02, 0.01, 25)
     found = shape_of(body, tmp_path, synthetic.fine(distance=0.9, pitch_deg=pitch))
@@ -90,7 +90,7 @@ def test_the_walls_of_a_rectangular_vessel_are_exact():
     assert covered.volume() == pytest.approx(body.volume, rel=1e-3)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_mug_that_lies_is_hollow_about_its_own_axis(tmp_path):
     lying = on_table(synthetic.cup(0.036, 0.04, 0.1, 0.004, 0.006), lie.rotation(np.array([np.deg2rad(92), 0.0, 0.0])))
     body = synthetic.placed(lying, 0.0, 0.0, 25)
@@ -105,7 +105,7 @@ def test_a_mug_that_lies_is_hollow_about_its_own_axis(tmp_path):
     assert filled < 0.05
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_an_ellipsoid_that_leans(tmp_path):
     p = np.zeros(13)
     p[7:12] = [0.03, 0.04, 0.065, 1.0, 1.0]

@@ -187,7 +187,7 @@ def test_panels_of_an_open_laptop(tmp_path):
     assert np.rad2deg(np.arctan2(edge[2], -edge[1])) == pytest.approx(110, abs=3)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_panels_from_behind(tmp_path):
     body = synthetic.placed(synthetic.laptop(0.3, 0.21, 0.016, 0.2, 0.006, 110), 0, 0, 160)
     found = shape_of(synthetic.view(body, synthetic.Eye(distance=1.0)), tmp_path)
@@ -195,7 +195,7 @@ def test_panels_from_behind(tmp_path):
     assert found.mesh.extent == pytest.approx([0.3, 0.284, 0.204], abs=0.008)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_box_that_leans(tmp_path):
     turn = np.deg2rad(25)
     lean = np.array([[1.0, 0, 0], [0, np.cos(turn), -np.sin(turn)], [0, np.sin(turn), np.cos(turn)]])
@@ -207,7 +207,7 @@ def test_a_box_that_leans(tmp_path):
     assert np.arccos(found.pose.matrix[2, 2]) == pytest.approx(turn, abs=0.05)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_can_on_a_box_stands_on_the_box(tmp_path):
     carrier = box(0.2, 0.16, 0.06)
     body = can(0.033, 0.1).moved(transforms.rigid(np.eye(3), np.array([0.0, 0.0, 0.06])))
@@ -257,6 +257,7 @@ def test_what_stands_in_front_does_not_shorten_the_box(tmp_path):
     assert np.sort(found.mesh.extent) == pytest.approx([0.08, 0.12, 0.16], abs=0.004)
 
 
+@pytest.mark.medium
 def test_the_texture_shows_the_photograph_on_the_seen_side(tmp_path):
     seen = synthetic.view(synthetic.placed(box(0.1, 0.07, 0.05), 0, 0, 20), synthetic.Eye())
     found = shape_of(seen, tmp_path, hypotheses=("box",))
@@ -383,7 +384,7 @@ def test_a_body_does_not_hover(tmp_path):
     assert found.mesh.extent[2] == pytest.approx(0.072, abs=0.005)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_body_high_above_the_table_stands_on_another_one(tmp_path):
     """A tilted box 80 mm up, whose neighbours' masks are not its own, is no taller thing that reaches the table."""
     turn = transforms.rigid(lie.rotation(np.array([0.5, 0.15, 0.0])), (0.0, 0.0, 0.12))

@@ -101,6 +101,7 @@ def baked(mesh: Mesh) -> np.ndarray:
     return np.asarray(pixels[pixels.shape[0] - 1 - row, column]).astype(int)
 
 
+@pytest.mark.medium
 def test_sam_3d_objects_downloads_nothing_and_says_what_is_missing(tmp_path: Path, monkeypatch) -> None:
     (tmp_path / "scratch").mkdir()
     generators.environment(tmp_path, "sam3d_objects", generators.SAM3D)

@@ -83,7 +83,7 @@ def test_an_irregular_body_is_found_within_three_millimetres(tmp_path: Path, bod
     assert volume(found) == pytest.approx(body.volume, rel=0.15)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_it_wins_where_the_families_fit_badly(tmp_path: Path) -> None:
     body = synthetic.placed(duck(), 0.0, 0.0, 20)
     seen = synthetic.view(body, synthetic.Eye())

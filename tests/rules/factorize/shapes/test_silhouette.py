@@ -58,7 +58,7 @@ def test_a_bowl_is_open_by_its_name_and_its_profile_follows_the_outline(tmp_path
     assert base == pytest.approx(0.045, abs=0.01)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @pytest.mark.parametrize("turn_deg", [0.0, 180.0])
 def test_a_handle_is_found_beside_a_mug_and_does_not_widen_it(tmp_path, turn_deg):
     found = made(tmp_path, **looks(synthetic.placed(object_views.mug(), 0.0, 0.0, turn_deg), "blue mug"))
