@@ -115,46 +115,48 @@ def dump(node: ast.AST) -> str:
     todo: list[object] = [node]
     while todo:
         part = todo.pop()
-        kind = type(part)
-        if kind is str:
-            said.append(part)  # type: ignore[arg-type]
-        elif kind is list:
+        if isinstance(part, str):
+            said.append(part)
+        elif isinstance(part, list):
             said.append("[")
             todo.append("]")
-            for item in reversed(part):  # type: ignore[call-overload]
+            for item in reversed(part):
                 todo += (item, ",")
-        elif kind is ast.Constant or not isinstance(part, ast.AST):
+        elif isinstance(part, ast.Constant) or not isinstance(part, ast.AST):
             said.append(_constant(part.value if isinstance(part, ast.Constant) else part))
         else:
-            opening, fields = _form(kind)
+            opening, fields = _form(type(part).__name__, part._fields)
             said.append(opening)
             todo.append(")")
             for name, mark in fields:
                 value = _field(part, name)
-                if value is not None and value != []:
+                if isinstance(value, str):
+                    todo.append(mark + value)
+                elif isinstance(value, ast.Name):
+                    todo.append(f"{mark}(Name id={len(value.id)}:{value.id})")
+                elif value is not None:
                     todo += (value, mark)
     return hashlib.sha256("".join(said).encode("utf-8", "surrogatepass")).hexdigest()
 
 
 @cache
-def _form(kind: type[ast.AST]) -> tuple[str, tuple[tuple[str, str], ...]]:
+def _form(kind: str, fields: tuple[str, ...]) -> tuple[str, tuple[tuple[str, str], ...]]:
     """How a node of some kind begins, and its fields from last to first, with the mark before each."""
-    return f"({kind.__name__}", tuple((name, f" {name}=") for name in reversed(kind._fields) if name not in _UNSAID)
+    return f"({kind}", tuple((name, f" {name}=") for name in reversed(fields) if name not in _UNSAID)
 
 
 def _field(node: ast.AST, name: str) -> object:
     """A field of a node, normalized across Python versions; None if empty."""
     value = getattr(node, name, None)
-    kind = type(value)
-    if kind is str:
+    if isinstance(value, str):
         # The length prefix keeps names distinct from structural marks.
         return f"{len(value)}:{value}"
-    if kind is ast.JoinedStr and name == "format_spec" and not _pieces(value):
+    if isinstance(value, ast.JoinedStr) and name == "format_spec" and not _pieces(value):
         return None
-    if kind is list:
+    if isinstance(value, list):
         if isinstance(node, ast.JoinedStr):
-            return _pieces(node)
-        return [inner for inner in value if not _is_text(inner)]
+            return _pieces(node) or None
+        return [inner for inner in value if not _is_text(inner)] or None
     return value
 
 
