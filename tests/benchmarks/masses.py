@@ -1,8 +1,8 @@
 """Masses of things from all other things of the household table: `python -m tests.benchmarks.masses`.
 
 Every object of the YCB set is left out of the table once; its published mass is compared with the interval that the
-others give for its published size and its shape class, and, where parsing has a word for such things, for this word. The
-constants were chosen on the things `shop` alone.
+others give for its published size and its shape class and, where parsing has a word for such things, for this word.
+The constants were chosen on the things `shop` alone.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from . import wall_pieces
 from .evidence import Evidence
 from .families import box, extruded, lofted, lying, mirrored, open_box, panels, revolution, superquadric, tilted, turned
 from .families.names import HYPOTHESES, TURNED, TURNED_PREFIX
-from .families.profile import FACETS, Layout, Profile
+from .families.profile import FACETS, Layout
 from .refine import Model
 
 TURNED_COST = 0.02
@@ -100,10 +100,10 @@ def _tilted(evidence: Evidence) -> Candidate | None:
 
 
 def upright_cylinder(model: Model) -> Candidate:
-    """An upright cylinder: x, y, height, radius."""
+    """An upright cylinder: x, y, height, radius, and the depth of a lid if it is fitted."""
 
     def finish(p: np.ndarray) -> Finished:
-        body = Profile(np.array([0.0, p[2]]), p[[3, 3]], p[[3, 3]]).solid(FACETS)
+        body = lofted.cylinder_profile(p).solid(FACETS)
         return Finished(body, box.upright(p[0], p[1], 0.0), (body.vertices,))
 
     return Candidate(model, finish)

@@ -6,47 +6,68 @@ import numpy as np
 
 from ..evidence import Evidence
 from ..refine import Model
-from .box import LARGEST_M, SMALLEST_M
-from .profile import ROUND_M, THINNEST_M, Layout
+from .box import LARGEST_M, SMALLEST_M, upright
+from .profile import ROUND_M, THINNEST_M, Layout, Profile
 from .revolution import axis, cavity_floor, outer_radii
 
 CYLINDER = Layout(knots=2)
+RECESS_M, RECESS_SIGMA_M, DEEPEST_M = 0.002, 0.003, 0.008
+"""Height of a rim above the lid inside it, where a fit starts, its standard deviation, and the largest one [m]."""
+RECESS_STEP_M = 0.0015
+"""Finite-difference step of that height [m]."""
+TOP, LEAST_LID = 0.75, 0.04
+"""Part of the height from which a level surface is a lid, and its smallest fraction of the points."""
 SHALLOW, FOOT = 0.7, 0.6
 """Height over the radius below which a vessel is shallow, and the radius of the foot of such a vessel over that of its
 rim, where a fit starts."""
 
 
 def cylinder(evidence: Evidence) -> Model:
-    """An upright cylinder: x, y, height, and one radius twice."""
+    """An upright cylinder: x, y, height, radius and, if its top is seen, by how much a rim is higher than the lid."""
     centre, radius = axis(evidence)
-    return upright_cylinder([np.array([*centre, evidence.height, radius])])
+    recess = [RECESS_M] if lidded(evidence) else []
+    return upright_cylinder([np.array([*centre, evidence.height, radius, *recess])])
 
 
 def upright_cylinder(starts: list[np.ndarray]) -> Model:
-    """The same from initial guesses (4,)."""
+    """The same from initial guesses (4,), or (5,) with a lid."""
+    lid = len(starts[0]) - 4
     return Model(
         name="cylinder",
-        build=lambda p: CYLINDER.build(np.array([*p, p[3]])),
+        build=lambda p: cylinder_profile(p).solid(40).moved(upright(p[0], p[1], 0.0)),
         starts=starts,
-        steps=np.array([0.003, 0.003, 0.003, 0.002]),
-        lower=np.array([-np.inf, -np.inf, SMALLEST_M, SMALLEST_M]),
-        upper=np.array([np.inf, np.inf, LARGEST_M, LARGEST_M / 2]),
+        steps=np.array([0.003, 0.003, 0.003, 0.002, *[RECESS_STEP_M] * lid]),
+        lower=np.array([-np.inf, -np.inf, SMALLEST_M, SMALLEST_M, *[0.0] * lid]),
+        upper=np.array([np.inf, np.inf, LARGEST_M, LARGEST_M / 2, *[DEEPEST_M] * lid]),
     )
+
+
+def cylinder_profile(p: np.ndarray) -> Profile:
+    """The cross-sections of an upright cylinder."""
+    return Profile(np.array([0.0, p[2]]), p[[3, 3]], p[[3, 3]], recess=float(p[4]) if len(p) > 4 else 0.0)
+
+
+def lidded(evidence: Evidence) -> bool:
+    """Whether a level top is seen, which a rim may surround."""
+    high = evidence.points[:, 2] > TOP * evidence.height
+    return bool(((evidence.normals[:, 2] > 0.9) & high).mean() > LEAST_LID)
 
 
 def revolved(evidence: Evidence, *, hollow: bool, wall_m: float) -> tuple[Layout, Model]:
     """A profile revolved about a vertical axis; `hollow` adds a cavity that is open at the top."""
     height = evidence.height
-    layout = Layout(knots=int(np.clip(round(height / 0.02), 5, 9 if hollow else 12)), hollow=hollow)
+    knots = int(np.clip(round(height / 0.02), 5, 9 if hollow else 12))
+    layout = Layout(knots=knots, hollow=hollow, lid=not hollow and lidded(evidence))
     centre, typical = axis(evidence)
     radii = outer_radii(evidence, centre, typical, np.linspace(0.0, height, layout.knots))
     start = [*centre, height, *radii]
     if hollow:
         start += [wall_m] * layout.knots + [cavity_floor(evidence, centre, typical, wall_m), ROUND_M]
+    start += [RECESS_M] * layout.lid
     name = "revolved_hollow" if hollow else "revolved"
     starts = [np.array(start)]
     if hollow and height < SHALLOW * typical:
-        # Of a plate the camera sees hardly more than the inside: its outline fits a cone with its wide end down as well.
+        # Of a plate, hardly more than the inside is seen: its outline fits a cone with its wide end down as well.
         widest = float(np.quantile(np.linalg.norm(evidence.points[:, :2] - centre, axis=1), 0.98))
         starts.append(starts[0].copy())
         starts[1][3 : 3 + layout.knots] = np.linspace(FOOT * widest, widest, layout.knots)
@@ -55,7 +76,7 @@ def revolved(evidence: Evidence, *, hollow: bool, wall_m: float) -> tuple[Layout
 
 def oval(evidence: Evidence) -> tuple[Layout, Model]:
     """Stacked superellipses with two planes of symmetry: a bottle or a carton with rounded corners."""
-    layout = Layout(knots=int(np.clip(round(evidence.height / 0.018), 5, 12)), oval=True)
+    layout = Layout(knots=int(np.clip(round(evidence.height / 0.018), 5, 12)), oval=True, lid=lidded(evidence))
     facing = float(np.arctan2(-evidence.forward[0], evidence.forward[1]))
     turns = np.deg2rad([0.0, 20.0, -20.0, 40.0, -40.0, 65.0, -65.0, 90.0])
     starts = [_oval_start(evidence, facing + turn, layout) for turn in turns]
@@ -87,6 +108,8 @@ def model(layout: Layout, name: str, starts: list[np.ndarray], wall_m: float) ->
         deep = 0.9 * layout.height(starts[0])
         steps, low = steps + [0.0015] * knots + [0.003, 0.003], low + [THINNEST_M] * (knots + 1) + [0.0]
         high, spread = high + [thick] * knots + [deep, deep], spread + [0.004] * knots + [0.02, 0.01]
+    if layout.lid:
+        steps, low, high, spread = [*steps, RECESS_STEP_M], [*low, 0.0], [*high, DEEPEST_M], [*spread, RECESS_SIGMA_M]
     return Model(
         name=name,
         build=layout.build,
@@ -118,4 +141,4 @@ def _oval_start(evidence: Evidence, yaw: float, layout: Layout) -> np.ndarray:
     ratio = 0.7
     depth = float(np.quantile(v, 0.05)) + ratio * float(half.max())
     centre = along * lateral + across * depth
-    return np.array([*centre, yaw, 2.3, evidence.height, *half, *[ratio] * layout.ratios])
+    return np.array([*centre, yaw, 2.3, evidence.height, *half, *[ratio] * layout.ratios, *[RECESS_M] * layout.lid])

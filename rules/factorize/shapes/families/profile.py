@@ -23,6 +23,8 @@ ROUND_M = 0.004
 """Height over which a cavity's floor rises to the wall if it is not seen [m]."""
 ARC = 6
 """Rings of the cavity over that height."""
+LID_RIM_M = 0.003
+"""Width of the rim around a lid that lies lower, as those of cans do [m]."""
 FACETS = 60
 """Corners of a finished cross-section; a multiple of `wall_pieces.SECTORS`."""
 
@@ -38,13 +40,14 @@ class Profile:
     wall: np.ndarray | None = None  # (K,) wall thickness [m]; None makes it solid
     floor: float = 0.0  # height of the cavity's floor at the axis [m]
     rising: float = 0.0  # height over which the floor rises to the wall, in a quarter of an ellipse twice as wide [m]
+    recess: float = 0.0  # height of the rim above the lid of a body without a cavity [m]
 
     def finer(self, count: int) -> Profile:
         """The same profile at `count` heights, interpolated by a smooth curve without overshoot."""
         heights = np.linspace(0.0, self.heights[-1], count)
         a, b = (curves.monotone(self.heights, curve, heights) for curve in (self.a, self.b))
         wall = None if self.wall is None else curves.monotone(self.heights, self.wall, heights)
-        return Profile(heights, a, b, self.exponent, wall, self.floor, self.rising)
+        return Profile(heights, a, b, self.exponent, wall, self.floor, self.rising, self.recess)
 
     def outer(self, facets: int) -> np.ndarray:
         """Rings (K, facets, 3) of the outside, from the base up."""
@@ -52,9 +55,9 @@ class Profile:
         return np.stack([solids.ring(a, b, self.exponent, z, facets) for a, b, z in rows])
 
     def inner(self, facets: int) -> np.ndarray:
-        """Rings of the cavity, from the rim down to the floor."""
+        """Rings of the cavity, from the rim down to the floor; those of a lid without a cavity."""
         if self.wall is None:
-            return np.zeros((0, facets, 3))
+            return self._lid(facets)
         rising = float(np.clip(self.rising, 1e-6, 0.9 * (self.heights[-1] - self.floor)))
         arc = self.floor + rising * (1.0 - np.cos(np.linspace(0.0, np.pi / 2, ARC)))
         heights = np.sort(np.concatenate([arc, self.heights[self.heights > self.floor + 1e-4]]))
@@ -68,6 +71,14 @@ class Profile:
         rows.reverse()
         return np.stack([solids.ring(x, y, self.exponent, z, facets) for x, y, z in rows])
 
+    def _lid(self, facets: int) -> np.ndarray:
+        top, narrowest = float(self.heights[-1]), float(min(self.a[-1], self.b[-1]))
+        recess = min(self.recess, 0.5 * top)
+        if recess < 1e-4 or narrowest < 2.0 * LID_RIM_M:
+            return np.zeros((0, facets, 3))
+        a, b = self.a[-1] - LID_RIM_M, self.b[-1] - LID_RIM_M
+        return np.stack([solids.ring(a, b, self.exponent, z, facets) for z in (top, top - recess)])
+
     def solid(self, facets: int) -> Solid:
         """The closed body in its own frame, base on z = 0."""
         return solids.loft(np.concatenate([self.outer(facets), self.inner(facets)]))
@@ -75,17 +86,19 @@ class Profile:
 
 @dataclass(frozen=True)
 class Layout:
-    """Parameters: x, y, [yaw, exponent], height, a by knot, [ratios b / a], [wall by knot, floor, rise]."""
+    """Parameters: x, y, [yaw, exponent], height, a by knot, [ratios b / a], [wall by knot, floor, rise], [recess]."""
 
     knots: int
     oval: bool = False
     ratios: int = 3
     hollow: bool = False
+    lid: bool = False
+    """Whether a body without a cavity may have a rim around a lower lid."""
 
     def split(self, p: np.ndarray) -> list[np.ndarray]:
-        """Split the parameters: those before the half-axes, the half-axes, then ratios, walls, floor and rise."""
+        """Split the parameters: those before the half-axes, the half-axes, ratios, walls, floor and rise, recess."""
         own = [self.knots] + [self.ratios] * self.oval + [self.knots] * self.hollow
-        return np.split(p, np.cumsum([5 if self.oval else 3, *own])[: 2 + self.oval + 2 * self.hollow - 1])
+        return np.split(p, np.cumsum([5 if self.oval else 3, *own])[: 1 + self.oval + 2 * self.hollow + self.lid])
 
     def height(self, p: np.ndarray) -> float:
         """Height of the body [m]."""
@@ -101,7 +114,7 @@ class Layout:
             b = a * np.interp(heights, np.linspace(0.0, height, self.ratios), runs[2])
             exponent = float(p[3])
         if not self.hollow:
-            return Profile(heights, a, b, exponent)
+            return Profile(heights, a, b, exponent, recess=float(p[-1]) if self.lid else 0.0)
         wall = np.minimum(runs[-2], 0.8 * np.minimum(a, b))
         floor = float(np.clip(p[-2], THINNEST_M, 0.9 * height))
         return Profile(heights, a, b, exponent, wall, floor, float(p[-1]))
@@ -127,7 +140,7 @@ class Layout:
     def bends(self, height: float) -> np.ndarray:
         """Rows (R, P) that map parameters to profile bends and wall changes, in standard deviations."""
         first = 5 if self.oval else 3
-        count = first + self.knots + self.oval * self.ratios + self.hollow * (self.knots + 2)
+        count = first + self.knots + self.oval * self.ratios + self.hollow * (self.knots + 2) + self.lid
         rows = np.zeros((max(self.knots - 2, 0), count))
         for i in range(self.knots - 2):
             rows[i, first + i : first + i + 3] = [1.0, -2.0, 1.0]
