@@ -15,6 +15,8 @@ COARSER = 1.2
 """Maximum ratio of the coarseness of source to target."""
 SHRINK = 4
 """Downscaling factor of the coarse search."""
+TINTS = 1.2
+"""Largest tint of a patch, relative to that below which 90 % of the surface are."""
 MOST_CONTRAST = 1.6
 """Largest factor by which the contrast of a patch is raised or lowered."""
 CONTRAST = 0.5
@@ -76,10 +78,19 @@ def fill_texture(
     context = source if context is None else context
     smooth = smooth_part(image, context, sigma)
     detail = np.where(context[..., None], image - smooth, 0.0).astype(np.float32)
+    detail = _own_tints(detail, context)
     traits = np.concatenate([smooth, blur[..., None]], axis=-1)
     quilted = _quilt(detail, hole, context & ~hole, source & ~hole, traits)
     quilted = quilted * _contrast(detail, quilted, context & ~hole, sigma)
     return np.where(hole[..., None], smooth + quilted, image).astype(np.float32)
+
+
+def _own_tints(detail: np.ndarray, context: np.ndarray) -> np.ndarray:
+    """Detail without tints that the surface has hardly anywhere, such as the reflection of a red carton."""
+    grey = detail.mean(axis=-1, keepdims=True)
+    tint = detail - grey
+    most = TINTS * np.quantile(np.abs(tint[context]), 0.9, axis=0)
+    return np.asarray(grey + np.clip(tint, -most, most), np.float32)
 
 
 def _contrast(detail: np.ndarray, quilted: np.ndarray, source: np.ndarray, sigma: float) -> np.ndarray:

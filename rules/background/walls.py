@@ -42,6 +42,7 @@ def filled(scenery: Scenery, hole: np.ndarray) -> np.ndarray:
         known = cv2.erode((own & ~hole).astype(np.uint8), square) > 0
         if not gap.any() or known.sum() < LEAST:
             continue
+        assert patch.plane is not None
         upright = abs(float((scenery.world_from_camera[:3, :3] @ patch.plane[0])[2])) < UPRIGHT
         colour = _rows(scenery, patch, gap, known) if upright else _smooth(scenery.pixels, known)
         pixels[gap] = np.clip(np.round(colour[gap]), 0, 255).astype(np.uint8)
