@@ -3,7 +3,7 @@
 Objects are mostly convex from outside. Patches that meet convexly or smoothly are joined; concave creases and depth
 steps separate them, with six exceptions: slivers, cavities, attached parts, groups that a network classifies as one
 object, one surface visible on both sides of an occluder, and laptops. Cavities and parts are not joined if the network
-classifies them as two objects with high confidence.
+classifies them as two objects with high confidence. Groups whose whole parts it classifies as two objects are divided.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 from . import relations
 from .partition import FEWEST, Grouping
 from .patches import Surfaces
+from .revision import divide_doubted
 
 SLIVER_M2 = 0.0006
 """Patches below this size are remnants of creases and noise [m^2]."""
@@ -58,6 +59,8 @@ def group(s: Surfaces, labels: np.ndarray) -> Grouping:
     join_occluded(parts)
     join_lost(parts)
     join_hinged(parts)
+    divide_doubted(parts)
+    join_bonded(parts)
     return parts
 
 

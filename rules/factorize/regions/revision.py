@@ -12,7 +12,7 @@ import numpy as np
 
 from .partition import FEWEST, Grouping
 
-PARTED = -1.0
+PARTED = -1.2
 """Log odds below which two parts of a group are two objects."""
 LEAST_M2 = 0.0015
 """Smallest part [m^2]."""
