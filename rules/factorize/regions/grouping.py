@@ -19,8 +19,6 @@ SLIVER_M2 = 0.0006
 """Patches below this size are remnants of creases and noise [m^2]."""
 PART_M2 = 0.0025
 """Maximum size of attached parts such as handles [m^2]."""
-CAVITY_RAD = -0.06
-"""Surfaces with a smaller signed bend are inner surfaces [rad]."""
 ALIKE = 0.3
 """Smallest histogram overlap of one surface on both sides of an occluder, a depth step or a sharp crease."""
 BONDED = 0.5
@@ -110,9 +108,7 @@ def join_cavities(parts: Grouping) -> None:
 
 
 def _is_cavity(parts: Grouping, number: int) -> bool:
-    """Whether a group is concave; in a flat group the bend is noise."""
-    surface = parts.groups[number]
-    return surface.bend < CAVITY_RAD and surface.flatness_m > 0.6 * relations.noise(parts.surfaces, surface.pixels)
+    return relations.is_cavity(parts.surfaces, parts.groups[number])
 
 
 def _body_of(parts: Grouping, number: int) -> int | None:

@@ -40,7 +40,10 @@ def drill() -> Thing:
 
 def cans(gap: float) -> Thing:
     colours = ((0.75, 0.15, 0.1), (0.8, 0.3, 0.15))
-    return [(cylinder(0.034, 0.1, own), at(side * (0.034 + gap / 2), 0.0)) for side, own in zip((-1, 1), colours, strict=True)]
+    return [
+        (cylinder(0.034, 0.1, own), at(side * (0.034 + gap / 2), 0.0))
+        for side, own in zip((-1, 1), colours, strict=True)
+    ]
 
 
 def joined(shown: Tabletop, owners: tuple[int, ...]) -> tuple[Grouping, np.ndarray]:
