@@ -3,7 +3,7 @@
 Objects are mostly convex from outside. Patches that meet convexly or smoothly are joined; concave creases and depth
 steps separate them, with six exceptions: slivers, cavities, attached parts, groups that a network classifies as one
 object, one surface visible on both sides of an occluder, and laptops. Cavities and parts are not joined if the network
-classifies them as two objects with high confidence.
+classifies them as two objects with high confidence. Groups whose whole parts it classifies as two objects are divided.
 """
 
 from __future__ import annotations
@@ -13,13 +13,12 @@ import numpy as np
 from . import relations
 from .partition import FEWEST, Grouping
 from .patches import Surfaces
+from .revision import divide_doubted
 
 SLIVER_M2 = 0.0006
 """Patches below this size are remnants of creases and noise [m^2]."""
 PART_M2 = 0.0025
 """Maximum size of attached parts such as handles [m^2]."""
-CAVITY_RAD = -0.06
-"""Surfaces with a smaller signed bend are inner surfaces [rad]."""
 ALIKE = 0.3
 """Smallest histogram overlap of one surface on both sides of an occluder, a depth step or a sharp crease."""
 BONDED = 0.5
@@ -58,6 +57,8 @@ def group(s: Surfaces, labels: np.ndarray) -> Grouping:
     join_occluded(parts)
     join_lost(parts)
     join_hinged(parts)
+    divide_doubted(parts)
+    join_bonded(parts)
     return parts
 
 
@@ -107,9 +108,7 @@ def join_cavities(parts: Grouping) -> None:
 
 
 def _is_cavity(parts: Grouping, number: int) -> bool:
-    """Whether a group is concave; in a flat group the bend is noise."""
-    surface = parts.groups[number]
-    return surface.bend < CAVITY_RAD and surface.flatness_m > 0.6 * relations.noise(parts.surfaces, surface.pixels)
+    return relations.is_cavity(parts.surfaces, parts.groups[number])
 
 
 def _body_of(parts: Grouping, number: int) -> int | None:

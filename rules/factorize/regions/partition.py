@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import replace
+
 import numpy as np
 
 from . import relations
@@ -29,6 +32,8 @@ class Grouping:
         self.members: dict[int, list[int]] = {number: [number] for number in self.groups}
         self.patches = dict(self.groups)
         self.contacts = relations.contacts(s, labels)
+        self.between = {pair: replace(contact) for pair, contact in self.contacts.items()}
+        self.joins: list[tuple[frozenset[int], frozenset[int]]] = []
         self.hinged: set[int] = set()
         self.bonds = Bonds(s)
 
@@ -47,6 +52,7 @@ class Grouping:
     def join(self, a: int, b: int) -> int:
         """Merge two groups under the smaller number and return it."""
         keep, gone = min(a, b), max(a, b)
+        self.joins.append((frozenset(self.members[keep]), frozenset(self.members[gone])))
         self.members[keep] += self.members.pop(gone)
         for other in self.neighbours(gone):
             contact = self.contacts.pop((min(gone, other), max(gone, other)))
@@ -59,3 +65,34 @@ class Grouping:
         pixels = np.concatenate([first.pixels, second.pixels])
         self.groups[keep] = relations.describe(self.surfaces, pixels, bend)
         return keep
+
+    def contact_of(self, some: frozenset[int], others: frozenset[int]) -> Contact:
+        """The contact between two sets of patches."""
+        found = Contact()
+        for (a, b), contact in self.between.items():
+            if (a in some and b in others) or (b in some and a in others):
+                found.add(contact)
+        return found
+
+    def union(self, some: Iterable[int]) -> Group:
+        """What a group of these patches would be."""
+        own = [self.patches[number] for number in sorted(some)]
+        sizes = np.array([len(patch.pixels) for patch in own])
+        bend = float((sizes * [patch.bend for patch in own]).sum() / sizes.sum())
+        return relations.describe(self.surfaces, np.concatenate([patch.pixels for patch in own]), bend)
+
+    def part(self, number: int, some: frozenset[int]) -> tuple[int, int]:
+        """Divide a group into these patches and the others; the numbers of both."""
+        sides = some, frozenset(self.members.pop(number)) - some
+        del self.groups[number]
+        for other in self.neighbours(number):
+            del self.contacts[min(number, other), max(number, other)]
+        for own in sides:
+            new = min(own)
+            self.members[new], self.groups[new] = sorted(own), self.union(own)
+            self.labels.ravel()[self.groups[new].pixels] = new
+            for other, members in self.members.items():
+                contact = self.contact_of(own, frozenset(members))
+                if other != new and contact.pairs:
+                    self.contacts[min(new, other), max(new, other)] = contact
+        return min(sides[0]), min(sides[1])

@@ -12,6 +12,8 @@ from .patches import NEIGHBOURS, SPAN, Surfaces, fold, step_limit
 
 CONCAVE_RAD = 0.17
 """Concave creases sharper than this separate two objects [rad]."""
+CAVITY_RAD = -0.06
+"""Surfaces with a smaller signed bend are inner surfaces [rad]."""
 BEND_REACH = 12
 """Distance over which the bend of a surface is measured [px]."""
 
@@ -128,6 +130,11 @@ def describe(s: Surfaces, pixels: np.ndarray, bend: float) -> Group:
 def noise(s: Surfaces, pixels: np.ndarray) -> float:
     """Bound of a flat surface's distance from its plane at these pixels [m]: noise, and a little relief."""
     return RELIEF_M + float(planes.depth_sigma(1.0 / s.inverse.ravel()[pixels]).mean())
+
+
+def is_cavity(s: Surfaces, group: Group) -> bool:
+    """Whether a group is concave; in a flat group the bend is noise."""
+    return group.bend < CAVITY_RAD and group.flatness_m > 0.6 * noise(s, group.pixels)
 
 
 def one_plane(s: Surfaces, p: Group, q: Group) -> bool:

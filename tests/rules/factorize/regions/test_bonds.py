@@ -105,7 +105,7 @@ def test_an_inner_surface_in_pieces_joins_its_vessel() -> None:
     """What noise or a missing depth cuts the inside of a bowl into is one object with its outside."""
     crop, labels = parts_of(tabletop((bowl(), at(0.0, 0.0))))
     whole = grouping.Grouping(crop, labels.copy())
-    (inside,) = [number for number, group in whole.groups.items() if group.bend < grouping.CAVITY_RAD]
+    (inside,) = [number for number, group in whole.groups.items() if group.bend < relations.CAVITY_RAD]
     rows = np.nonzero(labels == inside)[0]
     near = (labels == inside) & (np.arange(len(labels))[:, None] > np.quantile(rows, 0.4))
     cut = np.where(near, labels.max() + 1, labels)
