@@ -12,7 +12,7 @@ from dextera_build.artifacts.base import Array, Artifact
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.image import DepthImage, Image
 from dextera_build.artifacts.core.frames import Frames
-from dextera_build.artifacts.objects.object import AssetSource, JointHint
+from dextera_build.artifacts.objects.object import AssetSource, Estimate, JointHint
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import upright
 from dextera_build.geometry.depth_view import DepthView
@@ -66,6 +66,8 @@ class Traits(Artifact):
     """See `Element.material`."""
     material_confidence: float | None = None
     """See `Element.material_confidence`."""
+    estimate: Estimate | None = None
+    """See `Element.estimate`."""
     cut: bool = False
     """See `Element.cut`."""
     joints: tuple[JointHint, ...] = ()
