@@ -15,6 +15,7 @@ from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import cameras, lie, transforms
 from dextera_build.rule import Backend, Context, Options
 
+from .behind import Behind
 from .boxes import support_box
 from .surface import plane_depth
 
@@ -31,6 +32,7 @@ def clean(
     support: Support,
     instances: InstanceMap,
     robot: np.ndarray,
+    behind: Behind | None,
     common: StaticOptions,
     options: Options,
 ) -> Background:

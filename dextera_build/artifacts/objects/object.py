@@ -157,7 +157,9 @@ class Shape(Artifact):
     mask_iou: float
     """Intersection over union of the rendered and the seen mask (without occluded pixels)."""
     unseen_fraction: float
-    """Fraction of the surface area that the camera did not see."""
+    """Fraction of the surface area that no photograph shows."""
+    further_seen: tuple[float, ...] = ()
+    """Fraction of it that each further photograph of the object shows, and none before it."""
     scores: dict[str, float]
     """Hypothesis -> render score, higher is better."""
     unobserved: tuple[str, ...] = ()

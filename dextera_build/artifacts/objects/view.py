@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, Literal
 
@@ -74,6 +74,24 @@ class Traits(Artifact):
     """See `Element.joints`."""
 
 
+class FurtherView(Artifact):
+    """One object in a further photograph, see `FurtherPhotographs`."""
+
+    name: str
+    """The photograph's file."""
+    view: ObjectView
+    """Its pixels."""
+    measured: MeasuredView
+    """Its depth, in the world of the first photograph's support."""
+
+
+class FurtherViews(Artifact):
+    """An object in all further photographs that show it."""
+
+    items: tuple[FurtherView, ...]
+    """In the order of the photographs."""
+
+
 class Instance(Artifact):
     """One segmented object. Its name is not included, so that renaming rebuilds nothing."""
 
@@ -83,6 +101,8 @@ class Instance(Artifact):
     """Its properties."""
     measured: MeasuredView | None = None
     """Its depth; None if there is only the photograph."""
+    further: FurtherViews | None = None
+    """The same object in further photographs; None if none shows it."""
 
 
 class InstanceMap(Artifact):
@@ -115,6 +135,8 @@ class Seen(DepthView):
 
     view: ObjectView
     measured: MeasuredView
+    others: tuple[Seen, ...] = ()
+    """The same object in further photographs, in the same world."""
 
     @classmethod
     def without_depth(cls, view: ObjectView, camera_pose: Pose) -> Seen:
@@ -161,9 +183,10 @@ class Seen(DepthView):
 
     def upright(self) -> Seen:
         """The same view as seen by an upright camera, see `geometry.upright`; the world is unchanged."""
+        others = tuple(other.upright() for other in self.others)
         count = upright.turns(self.world_from_camera)
         if not count:
-            return self
+            return replace(self, others=others) if others else self
         view, pose = self.view, self.measured.camera_pose
         matrix = pose.matrix @ upright.turned_from_camera(-count)
         return Seen(
@@ -179,4 +202,5 @@ class Seen(DepthView):
                 depth=DepthImage(depth=upright.turned(self.measured.depth.depth, count)),
                 camera_pose=pose.model_copy(update={"matrix": matrix}),
             ),
+            others,
         )
