@@ -94,7 +94,7 @@ def static(
     ctx.metric("filled", 100.0 * (1.0 - untouched), "%")
     for number, one in enumerate(others, start=1):
         assert behind is not None
-        ctx.metric(f"hidden pixels seen by {one.name}", 100.0 * float((behind.source[hidden] == number).mean()), "%")
+        ctx.metric(f"hidden pixels seen by {one.file}", 100.0 * float((behind.source[hidden] == number).mean()), "%")
     invented = 0 if result.invented is None else len(result.invented.faces)
     ctx.metric("faces", len(result.mesh.faces))
     ctx.metric("invented faces", invented)

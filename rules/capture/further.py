@@ -53,7 +53,7 @@ def further(ctx: Context, folder: Folder, *, options: FurtherOptions) -> Further
     for entry in entries:
         taken = take(ctx, folder, facts, lenses, (entry.rgb, entry.depth), options, doubted=False)
         pose = None if entry.pose is None else Pose(parent="camera", child="further", matrix=entry.pose)
-        items.append(Further(name=entry.rgb, capture=taken.capture, pose=pose))
+        items.append(Further(file=entry.rgb, capture=taken.capture, pose=pose))
     found = FurtherPhotographs(items=tuple(items))
     ctx.say(", ".join(found.facts()))
     return found

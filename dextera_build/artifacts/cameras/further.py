@@ -13,7 +13,7 @@ from dextera_build.artifacts.spatial.pose import Pose
 class Further(Artifact):
     """One of them."""
 
-    name: str
+    file: str
     """Its file in the capture's folder."""
     capture: Capture
     """The photograph with its depth."""
@@ -29,4 +29,4 @@ class FurtherPhotographs(Artifact):
 
     def facts(self) -> list[str]:
         """Names, in words."""
-        return [", ".join(one.name for one in self.items) or "one photograph only"]
+        return [", ".join(one.file for one in self.items) or "one photograph only"]

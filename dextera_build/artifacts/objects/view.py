@@ -77,7 +77,7 @@ class Traits(Artifact):
 class FurtherView(Artifact):
     """One object in a further photograph, see `FurtherPhotographs`."""
 
-    name: str
+    file: str
     """The photograph's file."""
     view: ObjectView
     """Its pixels."""

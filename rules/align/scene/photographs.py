@@ -61,25 +61,25 @@ def photographs(
     ctx.check(
         photo.measured is not None,
         "the first photograph has no depth, so further ones cannot be placed",
-        further=", ".join(one.name for one in further.items),
+        further=", ".join(one.file for one in further.items),
         hint="add its depth, or remove `photographs` from `capture.json`",
     )
     known, placed, left = [Depths.of(photo, np.eye(4))], dict[str, Further](), list(further.items)
     taken = [matches_sift.points_of(photo.photograph.rgb, options.points)]
     while left:
-        ctx.progress(len(placed), len(further.items), left[0].name)
+        ctx.progress(len(placed), len(further.items), left[0].file)
         one, points, own, start = _next(ctx, left, known, taken, options)
         if start is not None:
             here, there = _pairs(own, start)
             own = replace(own, pose=refined(own, known, here, there))
-        _tell(ctx, one.name, own, agreement(own, known), start, options)
+        _tell(ctx, one.file, own, agreement(own, known), start, options)
         pose = Pose(parent="camera", child="further", matrix=own.pose)
-        placed[one.name] = one.model_copy(update={"pose": pose})
+        placed[one.file] = one.model_copy(update={"pose": pose})
         known.append(own)
         taken.append(points)
         left.remove(one)
     ctx.say("; ".join(_where(one) for one in placed.values()))
-    return FurtherPhotographs(items=tuple(placed[one.name] for one in further.items))
+    return FurtherPhotographs(items=tuple(placed[one.file] for one in further.items))
 
 
 def _next(
@@ -98,9 +98,9 @@ def _next(
     best = max(tried, key=lambda each: len(each[0].matches), default=None)
     if best is None or len(best[0].matches) < FEWEST:
         ctx.fail(
-            f"`{left[0].name}` cannot be placed: it shares no view with the other photographs",
+            f"`{left[0].file}` cannot be placed: it shares no view with the other photographs",
             points="none agree on a pose" if best is None else f"{len(best[0].matches)} agree on a pose, {FEWEST} needed",
-            photographs=", ".join(one.name for one in left),
+            photographs=", ".join(one.file for one in left),
             hint="take it of the same scene, from at most 40 degrees beside another photograph; state its "
             "`T_first_camera` if it is known; or remove it from `photographs`",
         )
@@ -159,4 +159,4 @@ def _where(one: Further) -> str:
     """`left.png 0.42 m and 31 deg from the first`."""
     assert one.pose is not None
     distance, angle = np.linalg.norm(one.pose.matrix[:3, 3]), np.degrees(transforms.angle(one.pose.matrix[:3, :3]))
-    return f"{one.name} {distance:.2f} m and {angle:.0f} deg from the first"
+    return f"{one.file} {distance:.2f} m and {angle:.0f} deg from the first"

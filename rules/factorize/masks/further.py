@@ -63,7 +63,7 @@ def further(
         found = _views(ctx, one, objects, support, options.margin_px)
         for name, view in found.items():
             views[name].append(view)
-        shown.append(f"{one.name} shows {len(found)} of {len(views)}")
+        shown.append(f"{one.file} shows {len(found)} of {len(views)}")
     ctx.say("; ".join(shown))
     items = {
         name: one.model_copy(update={"further": FurtherViews(items=tuple(views[name])) if views[name] else None})
@@ -77,7 +77,7 @@ def _views(
 ) -> dict[str, FurtherView]:
     """Object -> its view in a photograph."""
     if one.pose is None or one.capture.measured is None:
-        ctx.fail(f"`{one.name}` has no pose", hint="pass the photographs through `align.photographs`")
+        ctx.fail(f"`{one.file}` has no pose", hint="pass the photographs through `align.photographs`")
     pose = support.camera_pose.matrix @ one.pose.matrix
     there = support.model_copy(update={"camera_pose": support.camera_pose.model_copy(update={"matrix": pose})})
     picture = one.capture.photograph
@@ -91,13 +91,13 @@ def _views(
     for number, (name, known) in enumerate(objects.items.items(), start=1):
         if (found.labels == number).any():
             said = Said(known.view.phrase, known.traits, known.view.asset_source)
-            views[name] = _view(one.name, cutter.instance(number, around, said, margin), around, number, margin)
+            views[name] = _view(one.file, cutter.instance(number, around, said, margin), around, number, margin)
     if found.strange > FEWEST:
         ctx.warn(
-            f"{one.name} shows something on the support that the first photograph does not, {found.strange:,} px: it "
+            f"{one.file} shows something on the support that the first photograph does not, {found.strange:,} px: it "
             "is no part of the twin; make the photograph that shows all objects the first one"
         )
-    ctx.preview(outlines(picture.rgb.pixels, found.labels), f"objects in {one.name}")
+    ctx.preview(outlines(picture.rgb.pixels, found.labels), f"objects in {one.file}")
     return views
 
 
@@ -106,4 +106,4 @@ def _view(name: str, cut: Instance, around: Surroundings, number: int, margin: i
     assert cut.measured is not None
     box = crop(around.labels == number, margin)
     hidden = np.ascontiguousarray(cut.view.occluder | (around.fixed[box] & ~cut.view.mask))
-    return FurtherView(name=name, view=cut.view.model_copy(update={"occluder": hidden}), measured=cut.measured)
+    return FurtherView(file=name, view=cut.view.model_copy(update={"occluder": hidden}), measured=cut.measured)

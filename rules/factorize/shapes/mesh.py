@@ -64,7 +64,7 @@ def mesh(
     lowest = float(shape.mesh.vertices[:, 2].min())
     ctx.check(shape.mesh.is_closed, "the mesh is open", hint="use backend `stub`", faces=len(shape.mesh.faces))
     ctx.check(abs(lowest) < 1e-4, "the base is not at z = 0", lowest=f"{lowest * 1000:.2f} mm")
-    shown = [] if further is None else [*zip((one.name for one in further.items), shape.further_seen, strict=False)]
+    shown = [] if further is None else [*zip((one.file for one in further.items), shape.further_seen, strict=False)]
     ctx.say(describe(shape) + "".join(f", {name} shows {100 * share:.0f} % more" for name, share in shown))
     for name, share in shown:
         ctx.metric(f"seen by {name} only", 100.0 * share, "%")
