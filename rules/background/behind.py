@@ -72,7 +72,8 @@ def _from(
     photograph: Photograph, depth: np.ndarray, support: Support, hidden: np.ndarray, one: Further
 ) -> tuple[np.ndarray, np.ndarray]:
     """Colours (H, W, 3) uint8 and depth (H, W) float32 [m] of the empty scene in one photograph; depth 0 if unknown."""
-    assert one.pose is not None and one.capture.measured is not None
+    assert one.pose is not None
+    assert one.capture.measured is not None
     own, camera = one.capture.photograph, photograph.camera
     measured = one.capture.measured.depth.depth.astype(np.float64)
     free = _empty(measured, own, support.camera_pose.matrix @ one.pose.matrix, support)

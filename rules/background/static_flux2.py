@@ -64,7 +64,8 @@ def clean(
     options: Flux2Options,
 ) -> Background:
     """The background of `planes` with pixels of the hole by FLUX.2 (Black Forest Labs, 2025), except those
-    that a further photograph shows; others are kept."""
+    that a further photograph shows; others are kept.
+    """
     made: Background = ctx.other("planes").clean(photograph, depth, support, instances, robot, behind, common)
     taken = hole(instances, robot, options.dilate)
     if behind is not None:

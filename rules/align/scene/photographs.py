@@ -22,6 +22,13 @@ from .overlap import Agreement, Depths, agreement, refined
 
 FEWEST = 12
 """Fewer points that agree on a pose are chance."""
+APART_M, APART_DEG = 0.05, 4.0
+"""Largest difference between a stated pose and the one that matched points give."""
+STATED = (
+    "`T_first_camera` maps points of its camera to those of the first one, in metres and OpenCV axes; leave it out to "
+    "have it found"
+)
+MOVED = "nothing may move between the photographs; take them at one time, or remove this one from `photographs`"
 
 
 class PhotographsOptions(Options):
@@ -89,23 +96,38 @@ def _next(
     tried: list[tuple[Start, Further, Points]] = []
     for one in left:
         points = matches_sift.points_of(one.capture.photograph.rgb, options.points)
+        starts = [_matched(one.capture, points, *each) for each in zip(known, taken, strict=True)]
+        found = [start for start in starts if start is not None and len(start.matches) >= FEWEST]
         if one.pose is not None:
+            _compare(ctx, one, found)
             return one, points, Depths.of(one.capture, one.pose.matrix), None
-        for other, anchors in zip(known, taken, strict=True):
-            start = _matched(one.capture, points, other, anchors)
-            if start is not None:
-                tried.append((start, one, points))
+        tried += [(start, one, points) for start in found]
     best = max(tried, key=lambda each: len(each[0].matches), default=None)
-    if best is None or len(best[0].matches) < FEWEST:
+    if best is None:
         ctx.fail(
             f"`{left[0].file}` cannot be placed: it shares no view with the other photographs",
-            points="none agree on a pose" if best is None else f"{len(best[0].matches)} agree on a pose, {FEWEST} needed",
+            points=f"fewer than {FEWEST} agree on a pose",
             photographs=", ".join(one.file for one in left),
             hint="take it of the same scene, from at most 40 degrees beside another photograph; state its "
             "`T_first_camera` if it is known; or remove it from `photographs`",
         )
     start, one, points = best
     return one, points, Depths.of(one.capture, start.pose.scene_from_camera), start
+
+
+def _compare(ctx: Context, one: Further, found: list[Start]) -> None:
+    """Refuse a stated pose that matched points contradict; the depth of a bare table contradicts few poses."""
+    if not found or one.pose is None:
+        return
+    best = max(found, key=lambda start: len(start.matches))
+    apart = transforms.invert(one.pose.matrix) @ best.pose.scene_from_camera
+    distance, angle = float(np.linalg.norm(apart[:3, 3])), float(np.degrees(transforms.angle(apart[:3, :3])))
+    if distance > APART_M or angle > APART_DEG:
+        ctx.fail(
+            f"`{one.file}` contradicts the other photographs: its stated pose is not where they see it from",
+            off=f"{distance:.2f} m and {angle:.0f} deg from where {len(best.matches)} points place it",
+            hint=STATED,
+        )
 
 
 def _matched(capture: Capture, points: Points, other: Depths, anchors: Points) -> Start | None:
@@ -145,9 +167,7 @@ def _tell(
         ctx.fail(
             f"`{name}` contradicts the other photographs: {stated} does not fit their depth",
             **facts,
-            hint="`T_first_camera` maps points of its camera to those of the first one, in metres and OpenCV axes; "
-            "leave it out to have it found" if start is None else "nothing may move between the photographs; take "
-            "them at one time, or remove this one from `photographs`",
+            hint=STATED if start is None else MOVED,
         )
     ctx.metric(f"{name}: overlap", 100.0 * found.overlap, "%")
     ctx.metric(f"{name}: residual", 1000.0 * found.residual_m, "mm")

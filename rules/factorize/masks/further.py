@@ -72,9 +72,7 @@ def further(
     return objects.model_copy(update={"items": items})
 
 
-def _views(
-    ctx: Context, one: Further, objects: Segmentation, support: Support, margin: int
-) -> dict[str, FurtherView]:
+def _views(ctx: Context, one: Further, objects: Segmentation, support: Support, margin: int) -> dict[str, FurtherView]:
     """Object -> its view in a photograph."""
     if one.pose is None or one.capture.measured is None:
         ctx.fail(f"`{one.file}` has no pose", hint="pass the photographs through `align.photographs`")

@@ -102,9 +102,7 @@ def gather(seen: Seen, samples: int = 1500, outline_samples: int = 220) -> Evide
     if not seen.others:
         return _of_one(seen, samples, outline_samples)
     count = 1 + len(seen.others)
-    first, *others = (
-        _of_one(one, samples // count, outline_samples // count) for one in (seen, *seen.others)
-    )
+    first, *others = (_of_one(one, samples // count, outline_samples // count) for one in (seen, *seen.others))
     return joined(first, [_based(other, first.base) for other in others])
 
 

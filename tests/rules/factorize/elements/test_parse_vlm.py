@@ -151,9 +151,7 @@ def test_an_estimate_stays_with_an_element_that_the_file_only_renames(scene, sup
         listed = File(data=f"elements:\n  - {{name: cup, at_px: [30, 40]{entry}}}\n".encode())
         shot = factories.shot(scene.capture)
         options = {"vlm": {"model": "seer-1"}}
-        found = runner.run(
-            "factorize.parse", backend="vlm", options=options, **shot, support=support, scene=listed
-        )
+        found = runner.run("factorize.parse", backend="vlm", options=options, **shot, support=support, scene=listed)
         return found.elements[0]
 
     assert cup("").estimate.mass_kg == (0.25, 0.4)
