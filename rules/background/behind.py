@@ -20,7 +20,7 @@ STRIDE = 2
 STEP_M = 0.03
 """Depth difference above which surfaces are not joined [m]."""
 RAISED_M, RAISED_SIGMAS = 0.004, 2.0
-"""Height above the support at which something stands on it: [m], and in addition in standard deviations of the depth."""
+"""Height above the support at which something stands on it: [m], and in addition in standard deviations."""
 BESIDE_M = 0.05
 """What stands on the support may project beyond its outline by this [m]."""
 RIM = 0.015

@@ -63,8 +63,9 @@ def clean(
     common: StaticOptions,
     options: Flux2Options,
 ) -> Background:
-    """The background of `planes` with pixels of the hole by FLUX.2 (Black Forest Labs, 2025), except those
-    that a further photograph shows; others are kept.
+    """The background of `planes` with pixels of the hole by FLUX.2 (Black Forest Labs, 2025).
+
+    Pixels that a further photograph shows, and all others, are kept.
     """
     made: Background = ctx.other("planes").clean(photograph, depth, support, instances, robot, behind, common)
     taken = hole(instances, robot, options.dilate)

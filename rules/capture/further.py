@@ -105,8 +105,8 @@ def _pose(ctx: Context, place: str, told: object) -> np.ndarray | None:
         ctx.fail(
             f"{place}: `{POSE}` is no rigid motion",
             found=reprlib.repr(told),
-            hint="write a 4 x 4 matrix in metres that maps points of this camera to those of the first one, or leave it "
-            "out: it is then found from the pictures",
+            hint="write a 4 x 4 matrix in metres that maps points of this camera to those of the first one, or leave "
+            "it out: it is then found from the pictures",
         )
 
 

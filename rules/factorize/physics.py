@@ -226,7 +226,7 @@ def _compared(
             label: _perhaps_empty(link, body.links[label], size, material, options) for label, link in links.items()
         }
         if len(links) == 1:
-            ((label, link),) = links.items()
+            (label,) = links
             sides = household.sides(size * body.links[label].mesh.vertices.astype(np.float64))
             found = household.mass_of(sides, told, _total(links, size))
             source = f"things of this size and shape, like {' and '.join(found.likely)}"

@@ -1,9 +1,10 @@
 """Print errors of shapes and fills made from one, two and three photographs of drawn scenes.
 
-    make meshes
-    python -m tests.benchmarks.several --scenes 3
+    python -m tests.benchmarks.several --scenes 4
 
-All use the masks of the first photograph. The poses of the others are found, not given.
+Things of `household` stand apart on a table of `quick_scenes`; neighbouring photographs are 40 degrees apart, with the
+noise, smear and gaps of a stereo camera. All use the masks of the first photograph. The poses of the others are found,
+not given.
 """
 
 from __future__ import annotations
@@ -14,50 +15,81 @@ import tempfile
 from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from dextera_build.api import Project
+from dextera_build.artifacts.cameras.camera import Camera, Capture, Measured, Photograph
 from dextera_build.artifacts.cameras.further import Further, FurtherPhotographs
+from dextera_build.artifacts.cameras.image import DepthImage, Image
 from dextera_build.artifacts.objects.object import Shape
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.errors import DxbError
-from dextera_build.geometry import metrics, transforms
+from dextera_build.geometry import cameras, metrics, transforms
+from dextera_build.sim.render.sensor import measure_colour, measure_depth
 from dextera_build.testing import RuleRunner
 from rules.benchmark.instances import overlaps
 from rules.factorize.household import sides
-from tests.benchmarks import catalogue
+from rules.reference.sensor import ColourNoiseOptions, DepthNoiseOptions
+from tests.benchmarks import household, quick_scenes
 
 FOUND = 0.5
 """Smallest IoU of a mask with an object's."""
 POINTS = 5000
 """Number of points per surface."""
+CAMERA = Camera(width=640, height=480, fx=614.4, fy=614.4, cx=319.5, cy=239.5)
+HEADINGS = (-40.0, 0.0, 40.0)
+"""Headings of the photographs [deg]."""
+KINDS = (household.carton, household.can, household.bowl, household.mug, household.bottle, household.book)
+SPOTS = ((-0.16, -0.04), (0.0, 0.08), (0.16, -0.05), (0.02, -0.14))
+"""Places of the things on the table [m]."""
 
 
 @dataclass(frozen=True)
 class View:
     """A drawn photograph with its truth."""
 
-    capture: Any
-    world: Any
-    truth: Any
+    capture: Capture
+    pose: np.ndarray  # (4, 4) T_world_camera
+    labels: np.ndarray  # (H, W) int32
+    empty: np.ndarray  # (H, W, 3) sRGB 0..255 without things
+    far: np.ndarray  # (H, W) depth [m] without things
 
 
-def views(recipe: str, meshes: Path, scene: int, count: int, settings: dict[str, Any]) -> list[View]:
-    """The first photographs of a scene."""
-    project = Project.find(catalogue.REPO)
-    labels = [f"scene[{scene:04d}_{view}]" for view in range(count)]
-    wanted = [f"{label}.{node}" for label in labels for node in ("photo", "aimed", "truth")]
-    told = {"draws.scenes": 1, "draws.first": scene, "draws.views": count, **settings}
-    built = project.build(recipe, *wanted, inputs={"meshes": meshes}, settings=told)
-    return [View(*(built.artifact(f"{label}.{node}") for node in ("photo", "aimed", "truth"))) for label in labels]
+def drawn(seed: int, count: int) -> tuple[list[View], list[tuple[Mesh, ...]]]:
+    """The photographs of a scene with so many things, and the things, posed."""
+    rng = np.random.default_rng(seed)
+    around = quick_scenes.room(rng)
+    things = []
+    for number, (x, y) in enumerate(SPOTS[:count]):
+        piece = KINDS[(seed + number) % len(KINDS)](rng)
+        turn = quick_scenes.about(2, rng.uniform(0.0, 2.0 * np.pi))
+        low = min(float(part.vertices[:, 2].min()) for part in piece.parts)
+        things.append(piece.moved(transforms.rigid(turn, np.array([x, y, -low]))))
+    pitch, distance = np.radians(rng.uniform(32.0, 45.0)), float(rng.uniform(0.65, 0.85))
+    found = []
+    for degrees in HEADINGS:
+        pose = cameras.look_down(np.array([0.0, 0.0, 0.03]), distance, float(np.radians(degrees)), float(pitch), 0.0)
+        room, light = list(around.surfaces), (around.lamps, around.ambient)
+        parts = [quick_scenes.surface(part) for own in things for part in own]
+        owners = [label for label, own in enumerate(things, start=1) for _ in own]
+        rgb, depth, labels = quick_scenes.shoot(parts + room, np.array(owners + [0] * len(room)), *light, CAMERA, pose)
+        empty, far, _ = quick_scenes.shoot(room, np.zeros(len(room), int), *light, CAMERA, pose)
+        depth = np.where(np.isfinite(depth), depth, 0.0)
+        noise = DepthNoiseOptions(edge_loss=0.5, smear=0.5, dark_loss=0.4, shine_loss=0.8)
+        measured = measure_depth(depth, rgb, CAMERA.matrix(), noise, rng)
+        pixels = measure_colour(rgb, ColourNoiseOptions(), rng)
+        photograph = Photograph(rgb=Image(pixels=pixels), camera=CAMERA)
+        capture = Capture(photograph=photograph, measured=Measured(depth=DepthImage(depth=measured)))
+        found.append(View(capture, pose, labels, 255.0 * empty, np.where(np.isfinite(far), far, 0.0)))
+    return found, things
 
 
 class Bench:
     """Rules on one scene."""
 
-    def __init__(self, folder: Path, shown: list[View]) -> None:
+    def __init__(self, folder: Path, seed: int, count: int) -> None:
         self.run = RuleRunner(folder).run
+        shown, self.things = drawn(seed, count)
         self.shown = shown
         capture = shown[0].capture
         self.shot = {"photograph": capture.photograph, "measured": capture.measured}
@@ -74,10 +106,10 @@ class Bench:
 
     def off(self, found: FurtherPhotographs) -> list[tuple[float, float]]:
         """Errors of the poses: [mm] and [deg]."""
-        first = self.shown[0].world.camera_pose.matrix
+        first = self.shown[0].pose
         errors = []
         for one, view in zip(found.items, self.shown[1:], strict=False):
-            apart = transforms.invert(first @ one.pose.matrix) @ view.world.camera_pose.matrix
+            apart = transforms.invert(first @ one.pose.matrix) @ view.pose
             turned = float(np.degrees(transforms.angle(apart[:3, :3])))
             errors.append((1000.0 * float(np.linalg.norm(apart[:3, 3])), turned))
         return errors
@@ -103,45 +135,34 @@ class Bench:
         return made
 
     def errors(self, made: dict[str, Shape]) -> dict[str, dict[str, float]]:
-        """True object -> errors of its shape [mm]."""
-        truth = self.shown[0].truth
-        names = list(truth.objects)
-        matrix = overlaps(
-            truth.labels.labels,
-            [truth.objects[name].label for name in names],
-            self.objects.map.labels,
-            len(self.objects.names),
-        )
-        pairs = {self.objects.names[column]: names[row] for row, column in metrics.match(matrix, FOUND)}
-        place = truth.camera_pose.matrix @ transforms.invert(self.support.camera_pose.matrix)
+        """True thing -> errors of its shape [mm]."""
+        numbers = range(1, len(self.things) + 1)
+        matrix = overlaps(self.shown[0].labels, list(numbers), self.objects.map.labels, len(self.objects.names))
+        pairs = {self.objects.names[column]: row for row, column in metrics.match(matrix, FOUND)}
+        place = self.shown[0].pose @ transforms.invert(self.support.camera_pose.matrix)
         found = {}
         for name, shape in made.items():
             if name in pairs and shape.pose is not None:
                 vertices = transforms.apply(place @ shape.pose.matrix, shape.mesh.vertices.astype(np.float64))
-                true = truth.objects[pairs[name]].mesh
-                found[pairs[name]] = _compared(vertices, shape.mesh.faces, true)
+                found[str(pairs[name])] = _compared(vertices, shape.mesh.faces, self.things[pairs[name]])
         return found
 
     def fill(self, further: FurtherPhotographs | None) -> dict[str, float]:
         """Errors of the background where objects hide it in the first photograph: PSNR [dB], and depth [mm]."""
         more = {} if further is None else {"further": further}
         made = self.run("background.static", **self.shot, support=self.support, instances=self.objects.map, **more)
-        world = self.shown[0].world
-        # The rule of the truth needs an object: it is put out of view, under the floor.
-        name, thing = next(iter(world.objects.items()))
-        pose = thing.pose.model_copy(update={"matrix": transforms.rigid(np.eye(3), np.array([0.0, 0.0, -50.0]))})
-        bare = world.model_copy(update={"objects": {name: thing.model_copy(update={"pose": pose})}})
-        empty = self.run("reference.truth", world=bare, options={"hidden": "leave_out"})
         hidden = self.objects.map.labels > 0
-        apart = (made.image.pixels.astype(float) - empty.rgb.pixels)[hidden]
-        depth = np.abs(made.depth.depth - empty.depth.depth)[hidden & (made.depth.depth > 0)]
+        apart = (made.image.pixels.astype(float) - self.shown[0].empty)[hidden]
+        depth = np.abs(made.depth.depth - self.shown[0].far)[hidden & (made.depth.depth > 0)]
         psnr = 10.0 * float(np.log10(255.0**2 / max(float(np.mean(apart**2)), 1e-9)))
         return {"PSNR [dB]": psnr, "depth [mm]": 1000.0 * float(depth.mean())}
 
 
-def _compared(vertices: np.ndarray, faces: np.ndarray, true: Any) -> dict[str, float]:
-    own, other = vertices, true.vertices.astype(np.float64)
-    clouds = [metrics.sample_surface(one, each, POINTS, 0) for one, each in ((own, faces), (other, true.faces))]
+def _compared(vertices: np.ndarray, faces: np.ndarray, true: tuple[Mesh, ...]) -> dict[str, float]:
+    own, other = vertices, np.concatenate([part.vertices for part in true]).astype(np.float64)
+    starts = np.cumsum([0, *(len(part.vertices) for part in true)])
+    corners = np.concatenate([part.faces + start for part, start in zip(true, starts, strict=False)])
+    clouds = [metrics.sample_surface(one, each, POINTS, 0) for one, each in ((own, faces), (other, corners))]
     heights = [float(np.ptp(one[:, 2])) for one in (own, other)]
     flat = [sides(one * [1.0, 1.0, 1e-6])[:2] for one in (own, other)]
     chamfer, _ = metrics.chamfer_and_f(*clouds, 0.01)
@@ -155,19 +176,14 @@ def _compared(vertices: np.ndarray, faces: np.ndarray, true: Any) -> dict[str, f
 def main() -> None:
     """A line per scene and number of photographs, then medians over objects and means over scenes."""
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--recipe", default="benchmark/stage_one")
-    options.add_argument("--meshes", type=Path, default=catalogue.FOLDER, help="what `make meshes` wrote")
-    options.add_argument("--first", type=int, default=0, help="index of the first scene")
-    options.add_argument("--scenes", type=int, default=3, help="number of scenes")
-    options.add_argument("--things", type=int, default=4, help="number of objects in each")
+    options.add_argument("--first", type=int, default=0, help="seed of the first scene")
+    options.add_argument("--scenes", type=int, default=4, help="number of scenes")
+    options.add_argument("--things", type=int, default=len(SPOTS), help="number of things in each")
     given = options.parse_args()
     totals: dict[int, dict[str, list[float]]] = {count: defaultdict(list) for count in (1, 2, 3)}
-    for scene in range(given.first, given.first + given.scenes):
-        settings = {"draws.count": [given.things, given.things], "draws.contact": ["apart"]}
-        shown = views(given.recipe, given.meshes, scene, 3, settings)
+    for seed in range(given.first, given.first + given.scenes):
         with tempfile.TemporaryDirectory() as folder:
-            bench = Bench(Path(folder), shown)
-            _scene(bench, scene, totals)
+            _scene(Bench(Path(folder), seed, given.things), seed, totals)
     for count, values in totals.items():
         print(f"{count} photographs: " + ", ".join(_line(name, each) for name, each in values.items()))
 

@@ -201,7 +201,7 @@ def test_a_wall_has_the_colours_of_the_photograph_that_shows_it(twin, box):
         pixels = painted.pixels.astype(int)
         shares.append(float((pixels[..., 1] > 1.2 * pixels[..., 0]).mean()))
     assert shares[0] < 0.02
-    assert shares[1] > 0.6 * sum(shape.further_seen)
+    assert shares[1] > 0.4 * sum(shape.further_seen)
 
 
 def test_what_is_behind_an_object_is_what_another_photograph_shows(runner, twin, shots):

@@ -175,7 +175,7 @@ def _fractions(body: Solid, photographs: list[_Photograph]) -> tuple[float, ...]
 
 
 def _exposure(first: np.ndarray, other: np.ndarray, both: np.ndarray) -> np.ndarray:
-    """Gains (3,) of another photograph's colours (N, 3) that agree with the first one's where `both` (N,) are trusted."""
+    """Gains (3,) of another photograph's colours (N, 3) to agree with the first one's where `both` (N,) are trusted."""
     if both.sum() < LEAST_BOTH:
         return np.ones(3)
     ratio = (np.median(first[both], axis=0) + 1.0) / (np.median(other[both], axis=0) + 1.0)

@@ -81,9 +81,7 @@ def _about(evidence: Evidence, axis: np.ndarray) -> Turned:
 
 
 def _turned(evidence: Evidence, back: np.ndarray, rotation: np.ndarray) -> Evidence:
-    """The evidence after the motion `back` (4, 4) with the inverse of `rotation` (3, 3); the rays, which only fits
-    use, stay.
-    """
+    """The evidence after the motion `back` (4, 4) with the inverse of `rotation` (3, 3); rays, for fits, stay."""
     return replace(
         evidence,
         world_from_camera=back @ evidence.world_from_camera,
