@@ -14,10 +14,10 @@ from dextera_build.geometry import transforms
 from dextera_build.geometry.photo_terms import Drawn
 from dextera_build.rule import ROUNDING, Context, Fraction, Options, Tolerance, rule
 
-from ..matches import matches_sift
-from ..matches.matches_sift import Points, SiftOptions
+from ..matches.matches_sift import SiftOptions
 from . import beginning
 from .beginning import Start
+from .features import Features, features_of, paired
 from .overlap import Agreement, Depths, agreement, refined
 
 FEWEST = 12
@@ -35,7 +35,7 @@ class PhotographsOptions(Options):
     """Options of align.photographs."""
 
     points: PositiveInt = 4000
-    """Maximum number of keypoints per picture."""
+    """Maximum number of keypoints per picture, and of the same picture seen from above."""
     most_scale: PositiveFloat = 0.04
     """Maximum accepted relative difference between the lengths in two pictures."""
     least_overlap: Fraction = 0.15
@@ -72,7 +72,7 @@ def photographs(
         hint="add its depth, or remove `photographs` from `capture.json`",
     )
     known, placed, left = [Depths.of(photo, np.eye(4))], dict[str, Further](), list(further.items)
-    taken = [matches_sift.points_of(photo.photograph.rgb, options.points)]
+    taken = [features_of(photo, options.points)]
     while left:
         ctx.progress(len(placed), len(further.items), left[0].file)
         one, points, own, start = _next(ctx, left, known, taken, options)
@@ -90,12 +90,12 @@ def photographs(
 
 
 def _next(
-    ctx: Context, left: list[Further], known: list[Depths], taken: list[Points], options: PhotographsOptions
-) -> tuple[Further, Points, Depths, Start | None]:
+    ctx: Context, left: list[Further], known: list[Depths], taken: list[Features], options: PhotographsOptions
+) -> tuple[Further, Features, Depths, Start | None]:
     """The photograph that is placed next: one with a stated pose, or the one with the most matches."""
-    tried: list[tuple[Start, Further, Points]] = []
+    tried: list[tuple[Start, Further, Features]] = []
     for one in left:
-        points = matches_sift.points_of(one.capture.photograph.rgb, options.points)
+        points = features_of(one.capture, options.points)
         starts = [_matched(one.capture, points, *each) for each in zip(known, taken, strict=True)]
         found = [start for start in starts if start is not None and len(start.matches) >= FEWEST]
         if one.pose is not None:
@@ -130,9 +130,9 @@ def _compare(ctx: Context, one: Further, found: list[Start]) -> None:
         )
 
 
-def _matched(capture: Capture, points: Points, other: Depths, anchors: Points) -> Start | None:
+def _matched(capture: Capture, points: Features, other: Depths, anchors: Features) -> Start | None:
     """The pose of a capture in the first camera's frame, from points that it shares with another one."""
-    pairs = matches_sift.paired(anchors, points, SiftOptions().ratio)
+    pairs = paired(anchors, points, SiftOptions().ratio)
     rgb = other.capture.photograph.rgb.pixels
     drawn = Drawn(rgb / 255.0, other.depth, np.ones(other.depth.shape))
     return beginning.given(capture, other.capture.photograph.camera, pairs, (other.pose, drawn))
