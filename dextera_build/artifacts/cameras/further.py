@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated
 
 from dextera_build.artifacts.base import Artifact
@@ -27,6 +28,6 @@ class FurtherPhotographs(Artifact):
     items: tuple[Further, ...] = ()
     """In the order of `capture.json`; empty if there is one photograph only."""
 
-    def facts(self) -> list[str]:
-        """Names, in words."""
-        return [", ".join(one.file for one in self.items) or "one photograph only"]
+    def facts(self) -> Iterator[str]:
+        """Their files."""
+        yield ", ".join(one.file for one in self.items) or "one photograph only"
