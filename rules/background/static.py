@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from pydantic import NonNegativeFloat, PositiveFloat
 
 from dextera_build.artifacts.cameras.camera import Measured, Photograph
-from dextera_build.artifacts.cameras.further import FurtherPhotographs
+from dextera_build.artifacts.cameras.further import Further, FurtherPhotographs
 from dextera_build.artifacts.cameras.image import LabelImage
 from dextera_build.artifacts.objects.object import Support
 from dextera_build.artifacts.objects.view import InstanceMap
 from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
-from .behind import Behind, seen_behind
+if TYPE_CHECKING:
+    from .behind import Behind
 
 
 class StaticOptions(Options):
@@ -83,7 +84,7 @@ def static(
         ctx.fail("the robot's pixels are of another picture", photograph=f"{size}", robot=f"{machine.shape}")
     depth = np.zeros(size, np.float32) if measured is None else measured.depth.depth
     others = () if further is None else further.items
-    behind = seen_behind(photograph, depth, support, (labels > 0) | machine, others) if others else None
+    behind = _behind(photograph, depth, support, (labels > 0) | machine, others) if others else None
     made = ctx.backend.clean(ctx, photograph, depth, support, instances, machine, behind, options, ctx.backend_options)
     result = made.model_copy(update={"asset_source": "rgb" if measured is None else "rgbd"})
     top = result.boxes[0].centre[2] + result.boxes[0].half_size[2]
@@ -105,3 +106,12 @@ def static(
     )
     ctx.preview(result.image.pixels, "the photograph without objects")
     return result
+
+
+def _behind(
+    photograph: Photograph, depth: np.ndarray, support: Support, hidden: np.ndarray, others: tuple[Further, ...]
+) -> Behind:
+    """What further photographs show of the empty scene; needs OpenCV, which one photograph does not need here."""
+    from .behind import seen_behind
+
+    return seen_behind(photograph, depth, support, hidden, others)

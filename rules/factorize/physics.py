@@ -98,9 +98,7 @@ def physics(
     size = _size(placement, support)
     estimate = traits.estimate if name == traits.material else None
     if options.mass_kg is None and size is not None:
-        told = household.Told(traits.category, name if confidence == 1.0 else "")
-        if estimate is not None:
-            told = replace(told, phrase=estimate.phrase, mass_kg=estimate.mass_kg)
+        told = _told(traits.category, name if confidence == 1.0 else "", estimate)
         links, source = _compared(links, source, body, size, told, material, options)
     mass, low, high = (
         sum(getattr(link, name) for link in links.values()) for name in ("mass_kg", "mass_low_kg", "mass_high_kg")
@@ -209,6 +207,13 @@ def _perhaps_empty(full: Inertial, link: Link, size: float, material: Material, 
     sigma = math.hypot(material.wall_sigma, options.wall_sigma)
     walls = float(area) * options.shell_m / size * material.wall_density * math.exp(-Z90 * sigma)
     return full.model_copy(update={"mass_low_kg": min(full.mass_low_kg, walls)})
+
+
+def _told(category: str, certain: str, estimate: Estimate | None) -> household.Told:
+    """What is said about a body: its class, its material if that is certain, and what a model states."""
+    if estimate is None:
+        return household.Told(category, certain)
+    return household.Told(category, certain, estimate.phrase, estimate.mass_kg)
 
 
 def _compared(
