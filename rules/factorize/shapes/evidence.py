@@ -110,12 +110,17 @@ def joined(first: Evidence, others: Sequence[Evidence]) -> Evidence:
     """The evidence of several photographs; masks, depth and camera are those of the first one."""
     every = (first, *others)
     outlines = [one.silhouette for one in every]
+
+    def stacked(name: str) -> np.ndarray:
+        return np.concatenate([getattr(one, name) for one in every])
+
     return replace(
         first,
-        **{
-            name: np.concatenate([getattr(one, name) for one in every])
-            for name in ("points", "normals", "rays", "ray_depth", "ray_sigma")
-        },
+        points=stacked("points"),
+        normals=stacked("normals"),
+        rays=stacked("rays"),
+        ray_depth=stacked("ray_depth"),
+        ray_sigma=stacked("ray_sigma"),
         silhouette=Silhouette(
             *(np.concatenate([getattr(one, name) for one in outlines]) for name in ("rays", "inside", "outside"))
         ),
