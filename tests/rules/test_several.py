@@ -94,6 +94,7 @@ def twin(shots, tmp_path_factory) -> dict:
     return {"shot": shot, "support": support, "objects": objects, "posed": posed, "found": found}
 
 
+@pytest.mark.medium
 def test_a_photograph_is_placed_by_what_it_shares_with_the_first(runner, shots):
     (one,) = place(runner, shots[0], listed(shots[1])).items
     apart = transforms.invert(motion(shots[0], shots[1])) @ one.pose.matrix
@@ -102,6 +103,7 @@ def test_a_photograph_is_placed_by_what_it_shares_with_the_first(runner, shots):
     assert runner.outcome.metrics["1.png: residual"][0] < 3.0
 
 
+@pytest.mark.medium
 def test_a_photograph_of_another_scene_is_refused(runner, shots):
     other = tabletops.tabletop((tabletops.bowl(), factories.pose(0, 0)), eye=eye(10), lens=tabletops.FINE)
     with pytest.raises(RuleError, match=r"`1\.png` cannot be placed: it shares no view") as caught:
@@ -109,6 +111,7 @@ def test_a_photograph_of_another_scene_is_refused(runner, shots):
     assert "T_first_camera" in caught.value.hint
 
 
+@pytest.mark.medium
 def test_a_photograph_with_another_focal_length_is_refused(runner, shots):
     zoomed = tabletops.FINE.model_copy(update={"fx": 1.3 * tabletops.FINE.fx, "fy": 1.3 * tabletops.FINE.fy})
     shot = taken(20, lens=zoomed)
@@ -119,6 +122,7 @@ def test_a_photograph_with_another_focal_length_is_refused(runner, shots):
     assert caught.value.hint
 
 
+@pytest.mark.slow
 def test_a_stated_pose_is_kept_and_a_wrong_one_refused(runner, shots):
     true = motion(shots[0], shots[2])
     (one,) = place(runner, shots[0], listed(shots[2], poses=[true])).items
@@ -139,6 +143,7 @@ def test_without_depth_none_is_placed(runner, shots):
     assert runner.run("align.photographs", photo=bare, further=FurtherPhotographs()).items == ()
 
 
+@pytest.mark.slow
 def test_objects_are_found_from_behind(twin, shots):
     """From behind, the first photograph has seen little of them but their tops."""
     true = {name: label for label, name in enumerate(("red_box", "blue_cylinder"), start=1)}
@@ -153,6 +158,7 @@ def test_objects_are_found_from_behind(twin, shots):
             assert tabletops.iou(further.view.mask & known, (shot.labels.labels[box] == true[name]) & known) > 0.93
 
 
+@pytest.mark.slow
 def test_what_only_a_further_photograph_shows_is_no_object(runner, twin, shots):
     hidden = (tabletops.box(0.05, 0.04, 0.05, (0.1, 0.6, 0.2)), factories.pose(-0.1, 0.25))
     more = listed(taken(-110, (*THINGS, hidden)), poses=[motion(shots[0], shots[2])])
@@ -173,6 +179,7 @@ def box(twin, tmp_path_factory) -> dict:
     return {"alone": alone, "both": both, "line": runner.outcome.line}
 
 
+@pytest.mark.slow
 def test_a_side_that_nobody_saw_is_measured(box):
     """The depth of the box; from the front, only its top shows it."""
     alone, both = box["alone"], box["both"]
@@ -185,6 +192,7 @@ def test_a_side_that_nobody_saw_is_measured(box):
     assert both.hypothesis == "box"
 
 
+@pytest.mark.slow
 def test_a_wall_has_the_colours_of_the_photograph_that_shows_it(twin, box):
     """The further photographs are all green: so are the walls that only they show, and no other."""
     one, shape = twin["found"].items["red_box"], box["both"]
@@ -204,6 +212,7 @@ def test_a_wall_has_the_colours_of_the_photograph_that_shows_it(twin, box):
     assert shares[1] > 0.4 * sum(shape.further_seen)
 
 
+@pytest.mark.slow
 def test_what_is_behind_an_object_is_what_another_photograph_shows(runner, twin, shots):
     given = {**twin["shot"], "support": twin["support"], "instances": twin["objects"].map}
     alone = runner.run("background.static", **given)
