@@ -12,7 +12,7 @@ from PIL import Image
 from dextera_build.artifacts.cameras.camera import Camera, Capture
 from dextera_build.artifacts.cameras.image import LabelImage
 from dextera_build.artifacts.shapes.mesh import Mesh
-from dextera_build.geometry import planes, raycast, transforms
+from dextera_build.geometry import cameras, planes, raycast, transforms
 from tests import factories
 
 LENS = Camera(width=320, height=240, fx=290.0, fy=291.0, cx=158.0, cy=121.5)
@@ -39,6 +39,8 @@ def tabletop(
     noise: float = 0.5,
     wall: bool = False,
     lens: Camera = LENS,
+    pattern: bool = False,
+    seed: int = 5,
 ) -> Tabletop:
     """Things (mesh, T_world_object) on a square table of edge 2 `half` [m], with a floor 0.7 m below.
 
@@ -49,6 +51,8 @@ def tabletop(
         noise: Depth noise as a part of the noise model's.
         wall: A wall stands behind the table.
         lens: Size and intrinsics of the picture.
+        pattern: All surfaces have a pattern, which features match.
+        seed: Of the noise.
     """
     table = factories.box_mesh((-half, -half, -0.03), (half, half, 0.0), colour=(0.65, 0.5, 0.35))
     floor = factories.box_mesh((-3, -3, -0.8), (3, 3, -0.7), colour=(0.4, 0.4, 0.4))
@@ -59,15 +63,28 @@ def tabletop(
         placed = transforms.apply(pose, mesh.vertices)
         surfaces.append(raycast.Surface(placed, mesh.faces, colour=mesh.colour))
     seen = raycast.render(surfaces, lens.matrix(), eye, lens.height, lens.width)
-    rng = np.random.default_rng(5)
+    rng = np.random.default_rng(seed)
     depth = np.where(seen.index >= 0, seen.depth, 0.0)
     depth += (depth > 0) * noise * planes.depth_sigma(depth) * rng.standard_normal(depth.shape)
     # Faces differ a little in brightness, as under a lamp.
     light = 0.75 + 0.25 * np.clip(seen.normal @ np.array([0.3, -0.4, 0.87]), 0, 1)
+    if pattern:
+        light *= _pattern(seen.depth, lens, eye)
     pixels = raycast.shade(surfaces, seen) * light[..., None] + rng.normal(0, 2, (*depth.shape, 3))
     capture = factories.rgbd(np.clip(pixels, 0, 255).astype(np.uint8), np.maximum(depth, 0).astype(np.float32), lens)
     labels = np.maximum(seen.index - len(still) + 1, 0).astype(np.int32)
     return Tabletop(capture, LabelImage(labels=labels), eye)
+
+
+def _pattern(depth: np.ndarray, lens: Camera, eye: np.ndarray) -> np.ndarray:
+    """Brightness (H, W) of what a camera sees: cubes of two sizes with random shades, fixed in the world."""
+    points = transforms.apply(eye, cameras.backproject(np.where(np.isfinite(depth), depth, 0.0), lens.matrix()))
+    shades = np.random.default_rng(0).uniform(0.55, 1.0, (2, 64, 64, 64))
+    found = np.ones(depth.shape)
+    for shade, size in zip(shades, (0.023, 0.061), strict=True):
+        i, j, k = np.moveaxis(np.floor(points / size + 0.37).astype(int) % 64, -1, 0)
+        found *= shade[i, j, k]
+    return found
 
 
 def box(width: float, depth: float, height: float, colour: tuple[float, float, float]) -> Mesh:

@@ -101,3 +101,24 @@ def without_pinholes(mask: np.ndarray) -> np.ndarray:
     small = sizes < max(12.0, 0.002 * np.count_nonzero(mask))
     small[0] = False
     return np.asarray(mask | small[holes])
+
+
+def connected(mask: np.ndarray, right: np.ndarray, below: np.ndarray) -> tuple[np.ndarray, int]:
+    """Connected regions (H, W) int32, 1.., of a mask, without connections across steps, and their number."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    index = np.cumsum(mask.reshape(-1)).reshape(mask.shape) - 1
+    pairs = []
+    for joined, first, second in (
+        (~right & mask[:, :-1] & mask[:, 1:], index[:, :-1], index[:, 1:]),
+        (~below & mask[:-1] & mask[1:], index[:-1], index[1:]),
+    ):
+        pairs.append(np.stack([first[joined], second[joined]]))
+    one, other = np.concatenate(pairs, axis=1)
+    size = int(mask.sum())
+    graph = coo_array((np.ones(len(one), np.int8), (one, other)), shape=(size, size))
+    count, found = connected_components(graph, directed=False)
+    labels = np.zeros(mask.shape, np.int32)
+    labels[mask] = found + 1
+    return labels, int(count)

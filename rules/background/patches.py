@@ -5,12 +5,12 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dextera_build.geometry import cameras, planes
+from dextera_build.geometry import cameras, planes, regions
 
 from .flats import flats
 from .layers import coloured_like
 from .patch import SUPPORT, Patch
-from .steps import connected, smoothed, steps
+from .steps import smoothed, steps
 from .synthesis import membrane
 
 LEAST = 0.0005
@@ -62,7 +62,7 @@ def divide(
         for mask in _pieces(inside, (PIECE if level else 2 * PIECE) * labels.size):
             found[len(found) + 1] = flat
             labels[mask] = len(found)
-    curved, count = connected((soft > 0) & (labels == 0), *steps(soft, step_m))
+    curved, count = regions.connected((soft > 0) & (labels == 0), *steps(soft, step_m))
     sizes = np.bincount(curved.reshape(-1), minlength=count + 1)
     for number in np.flatnonzero(sizes[1:] >= LEAST * labels.size) + 1:
         found[len(found) + 1] = None

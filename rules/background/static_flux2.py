@@ -15,6 +15,7 @@ from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.learning.flux2 import load, paint
 from dextera_build.rule import Backend, Context, Fraction, Options
 
+from .behind import Behind
 from .holes import hole
 
 if TYPE_CHECKING:
@@ -58,12 +59,18 @@ def clean(
     support: Support,
     instances: InstanceMap,
     robot: np.ndarray,
+    behind: Behind | None,
     common: StaticOptions,
     options: Flux2Options,
 ) -> Background:
-    """The background of `planes` with pixels of the hole by FLUX.2 (Black Forest Labs, 2025); others are kept."""
-    made: Background = ctx.other("planes").clean(photograph, depth, support, instances, robot, common)
+    """The background of `planes` with pixels of the hole by FLUX.2 (Black Forest Labs, 2025).
+
+    Pixels that a further photograph shows, and all others, are kept.
+    """
+    made: Background = ctx.other("planes").clean(photograph, depth, support, instances, robot, behind, common)
     taken = hole(instances, robot, options.dilate)
+    if behind is not None:
+        taken &= ~behind.mask
     if not taken.any():
         return made
     longest = min(options.longest_px, max(taken.shape))

@@ -17,6 +17,7 @@ from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import Backend, Context, Fraction, Options
 
 from . import walls
+from .behind import Behind
 from .furnished import bounded, feet_of, furnished, seen_of, survey
 from .holes import hole, remnants, scraps, shaded
 from .layers import SAME_COLOUR, Layers, apart, split
@@ -66,6 +67,7 @@ def clean(
     support: Support,
     instances: InstanceMap,
     robot: np.ndarray,
+    behind: Behind | None,
     common: StaticOptions,
     options: PlanesOptions,
 ) -> Background:
@@ -82,16 +84,21 @@ def clean(
     taken |= (wide & ((layers.behind & own) | missed)) | scraps(~own & ~taken, wide)
     layers = apart(split(photograph, depth, support, taken, options.snap_m), own)
     layers = bounded(layers, photograph, support)
-    image = photograph.rgb.pixels.astype(np.float32)
+    image, empty, known = photograph.rgb.pixels.astype(np.float32), np.where(taken, 0.0, depth), np.zeros_like(taken)
+    if behind is not None:
+        known = taken & behind.mask
+        image, empty = np.where(known[..., None], behind.pixels, image), np.where(known, behind.depth, empty)
+        flat = _flat(photograph, behind.depth, support, options)
+        layers = replace(layers, behind=np.where(known, flat, layers.behind))
     if (taken & layers.behind).any():
-        image = _fill_support(image, layers, own, photograph.camera, support, options)
+        image = _fill_support(image, layers, own, known, photograph.camera, support, options)
     pixels = np.clip(np.round(image), 0, 255).astype(np.uint8)
     # The support's outline is known to a few pixels only: its colour must not bleed into the surfaces behind it.
     rim = np.ones((2 * max(1, round(0.01 * taken.shape[1])) + 1,) * 2, np.uint8)
     near = cv2.dilate(layers.behind.astype(np.uint8), rim) > 0
-    pixels = _inpaint(pixels, taken & ~layers.behind, near)
-    scenery = survey(pixels, np.where(taken, 0.0, depth), layers.behind, photograph.camera, support, options.step_m)
-    scenery = replace(scenery, pixels=walls.filled(scenery, taken & ~layers.behind))
+    pixels = _inpaint(pixels, taken & ~layers.behind & ~known, near)
+    scenery = survey(pixels, empty, layers.behind, photograph.camera, support, options.step_m)
+    scenery = replace(scenery, pixels=walls.filled(scenery, taken & ~layers.behind & ~known))
     things = seen_of(instances.labels > 0, depth, photograph.camera, support)
     stride = max(1.0, options.stride * photograph.camera.width)
     feet = feet_of(instances.labels, depth, photograph.camera, support)
@@ -106,11 +113,18 @@ def _flat(photograph: Photograph, depth: np.ndarray, support: Support, options: 
 
 
 def _fill_support(
-    image: np.ndarray, layers: Layers, own: np.ndarray, camera: Camera, support: Support, options: PlanesOptions
+    image: np.ndarray,
+    layers: Layers,
+    own: np.ndarray,
+    known: np.ndarray,
+    camera: Camera,
+    support: Support,
+    options: PlanesOptions,
 ) -> np.ndarray:
-    """The picture with holes on the support filled in its plane, and shadows next to them lightened.
+    """The picture with holes on the support filled in its plane, and shadows in and next to them lightened.
 
-    Only pixels of `own` (H, W) have the support's colours; the others are unchanged.
+    Only pixels of `own` (H, W) have the support's colours; the others are unchanged. At pixels of `known` (H, W), the
+    picture has the colours of a further photograph already.
     """
     target = layers.hole & layers.behind
     spots = layers.floor[target]
@@ -126,10 +140,14 @@ def _fill_support(
         for m in (layers.level & layers.behind & own, layers.behind & ~layers.hole & own)
     )
     source = _alike(flat, level & ~gap, free & ~gap, 0.03 / view.texel)
-    gain = _gain(flat, gap, source, options.shadow_reach_m / view.texel)
-    filled = fill_texture(flat * gain, gap, source, view.distance())
+    shown = view.lay((known & target).astype(np.uint8), smooth=False) > 0
+    gain = _gain(flat, gap, source, shown, options.shadow_reach_m / view.texel)
     # Unfilled pixels keep their texture; only their brightness changes.
-    beside = (layers.behind & ~layers.hole)[..., None]
+    target &= ~known
+    beside = (layers.behind & ~target)[..., None]
+    filled = flat * gain
+    if target.any():
+        filled = fill_texture(filled, gap & ~shown, source | shown, view.distance())
     lit = np.where(beside, view.lift(gain - 1.0, target.shape) + 1.0, 1.0)
     return np.where(target[..., None], view.lift(filled, target.shape), image * lit).astype(np.float32)
 
@@ -143,8 +161,8 @@ def _alike(flat: np.ndarray, level: np.ndarray, free: np.ndarray, sigma: float) 
     return np.asarray(level | (free & (step < SAME_COLOUR)))
 
 
-def _gain(flat: np.ndarray, gap: np.ndarray, source: np.ndarray, reach: float) -> np.ndarray:
-    """Gains (H, W, 3) that remove shadows and coloured reflections around `gap`.
+def _gain(flat: np.ndarray, gap: np.ndarray, source: np.ndarray, shown: np.ndarray, reach: float) -> np.ndarray:
+    """Gains (H, W, 3) that remove shadows and coloured reflections around `gap`, and in it where it is `shown`.
 
     They extend the smooth illumination from beyond `reach` [px] up to the gap.
     """
@@ -153,7 +171,7 @@ def _gain(flat: np.ndarray, gap: np.ndarray, source: np.ndarray, reach: float) -
     if reach <= 0 or rest.sum() < 500:
         return np.ones_like(flat)
     light = smooth_part(flat, rest, reach / 4)
-    local = _stepped(flat, source, reach / 8)
+    local = _stepped(flat, source | shown, reach / 8)
     gain = np.clip(light / np.maximum(local, 1.0), 1.0 / MOST_GAIN, MOST_GAIN)
     weight = np.clip(2.0 * (1.0 - away / reach), 0.0, 1.0)
     # Avoid steps at the view's border and at unknown surface.

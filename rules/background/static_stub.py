@@ -15,6 +15,7 @@ from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import cameras, lie, transforms
 from dextera_build.rule import Backend, Context, Options
 
+from .behind import Behind
 from .boxes import support_box
 from .surface import plane_depth
 
@@ -31,6 +32,7 @@ def clean(
     support: Support,
     instances: InstanceMap,
     robot: np.ndarray,
+    behind: Behind | None,
     common: StaticOptions,
     options: Options,
 ) -> Background:
@@ -41,7 +43,7 @@ def clean(
     camera = photograph.camera
     k = camera.matrix()
     plane = plane_depth(camera, support.camera_pose.matrix)
-    behind = np.where(hole, np.where(np.isfinite(plane), plane, 0.0), depth).astype(np.float32)
+    filled = np.where(hole, np.where(np.isfinite(plane), plane, 0.0), depth).astype(np.float32)
     box = support_box(support.polygon, 0.0, common.thickness_m)
     x, y = box.half_size[:2]
     turn = lie.about_z(box.yaw)[:2, :2]
@@ -54,4 +56,4 @@ def clean(
     image = Image(pixels=pixels)
     mesh = Mesh(vertices=corners.astype(np.float32), faces=faces, uv=uv[faces].astype(np.float32), texture=image)
     boxes = (support_box(support.polygon, common.margin_m, common.thickness_m),)
-    return Background(image=image, depth=DepthImage(depth=behind), mesh=mesh, boxes=boxes)
+    return Background(image=image, depth=DepthImage(depth=filled), mesh=mesh, boxes=boxes)

@@ -18,6 +18,7 @@ from dextera_build.formats import mcap
 from dextera_build.rule import Context, Options, rule
 
 from .facts import INTRINSICS
+from .motion import stated
 
 NAME = "views.json"
 
@@ -92,13 +93,7 @@ def _of_folder(ctx: Context, folder: Folder, options: RgbdOptions) -> RgbdVideo:
 def _row(view: Mapping[str, Any], options: RgbdOptions) -> tuple[float, str, str, np.ndarray | None]:
     """Time, both paths, and T_world_camera of a view."""
     stamp = float(view["stamp"]) if "stamp" in view else float(view["frame"]) / options.rate_hz
-    pose = np.array(view["T_world_camera"], np.float64) if "T_world_camera" in view else None
-    if pose is not None:
-        # Files contain rounded numbers: use the nearest rotation.
-        u, _, vt = np.linalg.svd(pose[:3, :3])
-        if np.abs(u @ vt - pose[:3, :3]).max() > 1e-3:
-            raise ValueError(f"T_world_camera of `{view['rgb']}` is no rigid motion")
-        pose[:3, :3] = u @ vt
+    pose = stated(view["T_world_camera"]) if "T_world_camera" in view else None
     return stamp, str(view["rgb"]), str(view["depth"]), pose
 
 

@@ -1,8 +1,9 @@
 """Mass of a body from things of a household of about its size and shape.
 
 Every thing of the table predicts the mass by its own mass per volume of its smallest box, with a weight that falls with
-the difference of the sides and of the shape class. The mass is the mixture of these predictions and of one without the
-table.
+the difference of the sides and of the shape class, and grows with the words that its name shares with what a
+vision-language model calls the body. The mass is the mixture of these predictions and of one without the table, times
+the likelihood of the mass that the model estimates.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 
 from dextera_build.statistics import Z90
 
+from .estimated import Interval, Quantiles, of_mixture
 from .household_things import ROWS
 
 UNKNOWN = 0.1
@@ -30,6 +32,8 @@ PACKED = 0.2
 """Additional standard deviation of the logarithm of the density of such a thing."""
 OTHER_MATERIAL = 0.05
 """Likelihood of a material that contradicts the stated one."""
+NAMED = 30.0
+"""Likelihood of a thing whose name has all of its words in what a model calls the body, over that of one with none."""
 CLASSES: dict[str, dict[str, float]] = {
     "box": {"box": 1.0, "object": 0.3, "laptop": 0.3},
     "cylinder": {"cylinder": 1.0, "object": 0.4, "mug": 0.2, "box": 0.1},
@@ -107,46 +111,59 @@ def sides(points: np.ndarray) -> np.ndarray:
     return np.sort([*flat, float(np.ptp(points[:, 2]))])[::-1]
 
 
-def mass_of(
-    sides_m: np.ndarray,
-    category: str,
-    material: str,
-    unknown: tuple[float, float, float],
-    word: str = "",
-    known: Sequence[Thing] | None = None,
-) -> Mass:
+@dataclass(frozen=True)
+class Told:
+    """What is said about a body; empty or None: nothing."""
+
+    category: str = ""
+    """Its class by parsing."""
+    material: str = ""
+    """Key of its material if that is certain."""
+    word: str = ""
+    """What it is called by its outline, `can`; not used beside a phrase."""
+    phrase: str = ""
+    """What a vision-language model calls it."""
+    mass_kg: Interval | None = None
+    """Mass that the model estimates [kg]."""
+
+
+def mass_of(sides_m: np.ndarray, told: Told, unknown: Quantiles, known: Sequence[Thing] | None = None) -> Mass:
     """The mass of a body.
 
     Args:
         sides_m: (3,) sides of the smallest box about it, in falling order [m].
-        category: Its class by parsing.
-        material: Key of its material if that is certain, else empty.
-        unknown: The 5 %, 50 % and 95 % quantile of its mass if it is none of the things [kg].
-        word: What it is called, `can`; empty if only its shape is known.
+        told: What is said about it.
+        unknown: Its mass if it is none of the things [kg].
         known: The table; None: `things()`.
     """
-    from scipy.special import ndtr
-
     table = things() if known is None else known
-    weights = np.array([_likeness(thing, sides_m, category, material) for thing in table])
-    called = np.array([bool(word) and thing.word == word for thing in table])
+    weights = np.array([_likeness(thing, sides_m, told) for thing in table])
+    called = np.array([bool(told.word) and not told.phrase and thing.word == told.word for thing in table])
     weights, rest = np.where(called, SAME_WORD, 1.0) * weights, NAMED_UNKNOWN if called.any() else UNKNOWN
     shares = np.append(weights * (1.0 - rest) / weights.sum(), rest)
     volume = float(np.prod(sides_m))
-    centres = [math.log(math.sqrt(t.low_kg * t.high_kg) * volume / math.prod(t.sides_m)) for t in table]
-    spreads = [math.hypot(math.log(t.high_kg / t.low_kg) / (2.0 * Z90), PACKED) for t in table]
-    below, above = (abs(math.log(end / unknown[1])) / Z90 for end in (unknown[0], unknown[2]))
-    grid = np.linspace(math.log(1e-4), math.log(100.0), 2000)
-    steps = grid[:, None] - np.array([*centres, math.log(unknown[1])])
-    sigmas = np.where(steps < 0.0, [*spreads, max(below, 1e-3)], [*spreads, max(above, 1e-3)])
-    low, middle, high = np.exp(np.interp([0.05, 0.5, 0.95], ndtr(steps / sigmas) @ shares, grid)).tolist()
+    masses = [_mass(thing, volume) for thing in table]
+    low, middle, high = of_mixture(shares, [*masses, unknown], told.mass_kg)
     return Mass(low, middle, high, tuple(table[n].name for n in np.argsort(-weights)[:2]))
 
 
-def _likeness(thing: Thing, sides_m: np.ndarray, category: str, material: str) -> float:
-    """Density of the logarithms of the sides, times the probability of the class and of the stated material."""
+def _mass(thing: Thing, volume: float) -> Quantiles:
+    """The mass of such a thing whose smallest box has this volume [m^3]."""
+    middle = math.sqrt(thing.low_kg * thing.high_kg) * volume / math.prod(thing.sides_m)
+    factor = math.exp(math.hypot(math.log(thing.high_kg / thing.low_kg) / 2.0, Z90 * PACKED))
+    return middle / factor, middle, middle * factor
+
+
+def _likeness(thing: Thing, sides_m: np.ndarray, told: Told) -> float:
+    """Density of the logarithms of the sides, times the probability of the class, of the material and of the name."""
     sigma = math.hypot(thing.sigma, ALIKE)
     z = np.log(np.asarray(sides_m) / np.array(thing.sides_m)) / sigma
     shapes = CLASSES[thing.kind]
-    made = 1.0 if not material or material == thing.material else OTHER_MATERIAL
-    return math.exp(-0.5 * float(z @ z)) / sigma**3 * made * shapes.get(category, LEAST) / sum(shapes.values()) + 1e-12
+    made = 1.0 if not told.material or told.material == thing.material else OTHER_MATERIAL
+    alike = math.exp(-0.5 * float(z @ z)) / sigma**3 * made * _named(thing, told.phrase)
+    return alike * shapes.get(told.category, LEAST) / sum(shapes.values()) + 1e-12
+
+
+def _named(thing: Thing, phrase: str) -> float:
+    own = thing.name.split()
+    return NAMED ** (len(set(own) & set(phrase.lower().split())) / len(own)) if phrase else 1.0

@@ -11,7 +11,7 @@ import numpy as np
 from dextera_build.artifacts.cameras.camera import Camera, Measured, Photograph
 from dextera_build.artifacts.cameras.image import Image, LabelImage
 from dextera_build.artifacts.objects.object import AssetSource, Element, Support
-from dextera_build.artifacts.objects.view import MeasuredView, ObjectView, Seen
+from dextera_build.artifacts.objects.view import FurtherViews, MeasuredView, ObjectView, Seen
 from dextera_build.geometry import cameras, regions, upright
 from dextera_build.geometry.depth_view import DepthView
 from dextera_build.rule import Context
@@ -202,9 +202,14 @@ def without_dropout(depth: np.ndarray) -> np.ndarray:
 
 
 def of_view(
-    ctx: Context, view: ObjectView, measured: MeasuredView | None, support: Support | None = None
+    ctx: Context,
+    view: ObjectView,
+    measured: MeasuredView | None,
+    support: Support | None = None,
+    further: FurtherViews | None = None,
 ) -> Measurements[Seen]:
     """The measurements of one object; `support` gives the pose of the camera where nothing was measured."""
-    value = None if measured is None else Seen(view, measured)
+    others = () if further is None else tuple(Seen(one.view, one.measured) for one in further.items)
+    value = None if measured is None else Seen(view, measured, others)
     bare = None if support is None else Seen.without_depth(view, support.camera_pose)
     return Measurements(ctx, value, "the capture has no depth", bare)

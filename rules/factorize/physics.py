@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from pydantic import NonNegativeFloat, PositiveFloat
@@ -10,6 +11,7 @@ from pydantic import NonNegativeFloat, PositiveFloat
 from dextera_build.artifacts.objects.object import (
     Body,
     Certainty,
+    Estimate,
     Inertial,
     Link,
     Physics,
@@ -24,7 +26,7 @@ from dextera_build.geometry.materials import TABLE, Material, doubted
 from dextera_build.rule import Context, Fraction, Options, rule
 from dextera_build.statistics import Z90
 
-from . import household
+from . import estimated, household
 
 GAP = 0.05
 """Difference between two scores of `factorize.mesh` at which the odds of the hypotheses are e to 1."""
@@ -77,6 +79,9 @@ def physics(
     The interval of the mass combines the uncertainties of the density, of the volume, of the unseen surface or the
     walls, and of the second-best hypothesis. The lower the confidence of the material, the more the intervals of
     density, friction and restitution include the other materials of the table.
+
+    Where parsing states an estimate of mass, friction and restitution, they are combined with it, see `estimated`; not
+    where `material` names another material than parsing did, nor with a weighed mass.
     """
     name = options.material or traits.material
     if name not in TABLE:
@@ -91,19 +96,17 @@ def physics(
         sigma, source = options.mass_sigma, "weighed"
     links = {label: _inertial(solid, density, sigma, source) for label, solid in solids.items()}
     size = _size(placement, support)
-    if options.mass_kg is None and size is not None and not body.hollow and _encloses(material):
-        links = {
-            label: _perhaps_empty(link, body.links[label], size, material, options) for label, link in links.items()
-        }
-        if len(links) == 1:
-            ((label, link),) = links.items()
-            certain = name if confidence == 1.0 else ""
-            links, source = _like_others(label, link, body.links[label], size, (traits, certain))
+    estimate = traits.estimate if name == traits.material else None
+    if options.mass_kg is None and size is not None:
+        told = _told(traits, name if confidence == 1.0 else "", estimate)
+        links, source = _compared(links, source, body, size, told, material, options)
     mass, low, high = (
         sum(getattr(link, name) for link in links.values()) for name in ("mass_kg", "mass_low_kg", "mass_high_kg")
     )
     ctx.metric("mass", mass, "kg")
     ctx.metric("volume", sum(solid.volume for solid in solids.values()) * 1e6, "cm3")
+    if estimate is not None:
+        material = _touched(material, estimate)
     friction = f"friction {material.friction:.2f} ± {Z90 * material.friction_sigma:.2f}"
     ctx.say(f"{_grams(mass)} ({_grams(low)} to {_grams(high)}), {source}, {friction}")
     return Physics(
@@ -206,34 +209,85 @@ def _perhaps_empty(full: Inertial, link: Link, size: float, material: Material, 
     return full.model_copy(update={"mass_low_kg": min(full.mass_low_kg, walls)})
 
 
-def _like_others(
-    label: str, link: Inertial, shape: Link, size: float, told: tuple[Traits, str]
-) -> tuple[dict[str, Inertial], str]:
-    """The link with the mass that things of a household of its size and shape have, and the source in words.
+def _told(traits: Traits, certain: str, estimate: Estimate | None) -> household.Told:
+    """What is said about a body: its class, its material if that is certain, and what a model states."""
+    if estimate is None:
+        word = traits.word if traits.word != traits.category else ""
+        return household.Told(traits.category, certain, word)
+    return household.Told(traits.category, certain, phrase=estimate.phrase, mass_kg=estimate.mass_kg)
 
-    Args:
-        label: The link's name.
-        link: Its mass without the table, in SI units of the unscaled body like the result.
-        shape: The link.
-        size: Metres per unit of its mesh.
-        told: Its traits, and its material if that is certain.
-    """
-    sides = household.sides(size * shape.mesh.vertices.astype(np.float64))
-    alone = (link.mass_low_kg * size**3, link.mass_kg * size**3, link.mass_high_kg * size**3)
-    traits, certain = told
-    word = traits.word if traits.word != traits.category else ""
-    found = household.mass_of(sides, traits.category, certain, alone, word)
-    source = f"things of this size and shape, like {' and '.join(found.likely)}"
-    low, middle, high = (kg / size**3 for kg in (found.low_kg, found.middle_kg, found.high_kg))
-    more = middle / link.mass_kg
-    changes = {
-        "mass_kg": middle,
-        "mass_low_kg": low,
-        "mass_high_kg": high,
-        "inertia": tuple(more * part for part in link.inertia),
-        "source": source,
-    }
-    return {label: link.model_copy(update=changes)}, source
+
+def _compared(
+    links: dict[str, Inertial],
+    source: str,
+    body: Body,
+    size: float,
+    told: household.Told,
+    material: Material,
+    options: PhysicsOptions,
+) -> tuple[dict[str, Inertial], str]:
+    """The links with masses of things of a household, and of a model's estimate, where these apply; and the source."""
+    if not body.hollow and _encloses(material):
+        links = {
+            label: _perhaps_empty(link, body.links[label], size, material, options) for label, link in links.items()
+        }
+        if len(links) == 1:
+            (label,) = links
+            sides = household.sides(size * body.links[label].mesh.vertices.astype(np.float64))
+            found = household.mass_of(sides, told, _total(links, size))
+            source = f"things of this size and shape, like {' and '.join(found.likely)}"
+            return _weighing(links, (found.low_kg, found.middle_kg, found.high_kg), size, _by(source, told))
+    if told.mass_kg is None:
+        return links, source
+    combined = estimated.of_mixture(np.ones(1), [_total(links, size)], told.mass_kg)
+    return _weighing(links, combined, size, _by(source, told))
+
+
+def _by(source: str, told: household.Told) -> str:
+    return source if told.mass_kg is None else f"{source}, and a model's estimate"
+
+
+def _total(links: dict[str, Inertial], size: float) -> estimated.Quantiles:
+    """Mass of all links in the world whose metres per unit are `size` [kg]."""
+    low, middle, high = (
+        size**3 * sum(getattr(link, name) for link in links.values())
+        for name in ("mass_low_kg", "mass_kg", "mass_high_kg")
+    )
+    return low, middle, high
+
+
+def _weighing(
+    links: dict[str, Inertial], total: estimated.Quantiles, size: float, source: str
+) -> tuple[dict[str, Inertial], str]:
+    """The links with another mass of all of them [kg], shared as before; and the source."""
+    low, more, high = (new / old for new, old in zip(total, _total(links, size), strict=True))
+    return {
+        label: link.model_copy(
+            update={
+                "mass_kg": link.mass_kg * more,
+                "mass_low_kg": link.mass_low_kg * low,
+                "mass_high_kg": link.mass_high_kg * high,
+                "inertia": tuple(more * part for part in link.inertia),
+                "source": source,
+            }
+        )
+        for label, link in links.items()
+    }, source
+
+
+def _touched(material: Material, estimate: Estimate) -> Material:
+    """The material with friction and restitution as the table and a model together say."""
+    friction, friction_sigma = estimated.coefficient(material.friction, material.friction_sigma, estimate.friction, 2.0)
+    restitution, restitution_sigma = estimated.coefficient(
+        material.restitution, material.restitution_sigma, estimate.restitution, 1.0
+    )
+    return replace(
+        material,
+        friction=friction,
+        friction_sigma=friction_sigma,
+        restitution=restitution,
+        restitution_sigma=restitution_sigma,
+    )
 
 
 def _grams(kilograms: float) -> str:

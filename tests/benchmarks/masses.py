@@ -72,37 +72,42 @@ PUBLISHED_G = {
 
 
 def main() -> None:
-    """Print the table and its summary."""
-    held, factors, errors = 0, [], []
+    """Print the table and its summaries."""
     print("| thing | published [g] | estimate [g] | interval [g] | |\n| --- | --- | --- | --- | --- |")
+    plain, named = [], []
     for thing in household.things():
         if thing.name not in PUBLISHED_G:
             continue
-        others = [other for other in household.things() if other.name != thing.name]
-        shapes = household.CLASSES[thing.kind]
-        plain = 500.0 * float(np.prod(thing.sides_m))
-        found = household.mass_of(
-            np.array(thing.sides_m),
-            max(shapes, key=lambda name: shapes[name]),
-            "",
-            (plain / 5, plain, plain * 5),
-            thing.word if thing.word in nouns.OUTLINES else "",
-            others,
-        )
         grams = PUBLISHED_G[thing.name]
+        plain.append((grams / 1000, _by_others(thing, "")))
+        named.append((grams / 1000, _by_others(thing, thing.name)))
+        found = plain[-1][1]
         within = found.low_kg <= grams / 1000 <= found.high_kg
-        held += within
-        factors.append(found.high_kg / found.low_kg)
-        errors.append(abs(math.log(1000 * found.middle_kg / grams)))
         ends = f"{1000 * found.low_kg:.0f} to {1000 * found.high_kg:.0f}"
         print(f"| {thing.name} | {grams:g} | {1000 * found.middle_kg:.0f} | {ends} | {'' if within else 'outside'} |")
-    low, high = wilson(held, len(factors))
-    print(
-        f"\n{held} of {len(factors)} in the 90 % interval ({100 * low:.0f} to {100 * high:.0f} %); median factor of "
-        f"its ends {statistics.median(factors):.1f}; median error a factor of {math.exp(statistics.median(errors)):.2f}"
-    )
-    carton = household.mass_of(np.array([0.20, 0.14, 0.05]), "box", "", (0.035, 0.67, 1.6))
+    print(f"\n{_summary(plain)}\nwith the name of the thing: {_summary(named)}")
+    carton = household.mass_of(np.array([0.20, 0.14, 0.05]), household.Told("box"), (0.035, 0.67, 1.6))
     print(f"a carton of 20 x 14 x 5 cm: {1000 * carton.low_kg:.0f} to {1000 * carton.high_kg:.0f} g")
+
+
+def _by_others(thing: household.Thing, phrase: str) -> household.Mass:
+    """The mass of a thing from all others, with what a model would call it."""
+    others = [other for other in household.things() if other.name != thing.name]
+    shapes = household.CLASSES[thing.kind]
+    plain = 500.0 * float(np.prod(thing.sides_m))
+    told = household.Told(max(shapes, key=lambda name: shapes[name]), phrase=phrase)
+    return household.mass_of(np.array(thing.sides_m), told, (plain / 5, plain, plain * 5), others)
+
+
+def _summary(results: list[tuple[float, household.Mass]]) -> str:
+    held = sum(found.low_kg <= truth <= found.high_kg for truth, found in results)
+    low, high = wilson(held, len(results))
+    factor = statistics.median(found.high_kg / found.low_kg for _, found in results)
+    error = statistics.median(abs(math.log(found.middle_kg / truth)) for truth, found in results)
+    return (
+        f"{held} of {len(results)} in the 90 % interval ({100 * low:.0f} to {100 * high:.0f} %); median factor of its "
+        f"ends {factor:.1f}; median error a factor of {math.exp(error):.2f}"
+    )
 
 
 if __name__ == "__main__":

@@ -63,7 +63,7 @@ def _stand(
 ) -> np.ndarray | None:
     """Put a thing on the table; its pose, or None if it found no place or lies on its side."""
     lying = rng.uniform() < (0.12 if thing.inside is not None else 0.3)
-    turn = _about(2, rng.uniform(0, 2 * np.pi)) @ (_about(0, np.pi / 2) if lying else np.eye(3))
+    turn = about(2, rng.uniform(0, 2 * np.pi)) @ (about(0, np.pi / 2) if lying else np.eye(3))
     corners = np.concatenate([part.vertices for part in thing.parts]) @ turn.T
     outline = regions.convex_hull(corners[:, :2].astype(np.float64))
     low, top = float(corners[:, 2].min()), float(np.ptp(corners[:, 2]))
@@ -95,7 +95,7 @@ def _slid(outline: np.ndarray, placed: list[_Placed], gap: float, rng: np.random
 
 def _stack(thing: household.Piece, below: _Placed, placed: list[_Placed], rng: np.random.Generator) -> None:
     """Put a thing on another one whose middle carries it."""
-    turn = _about(2, rng.uniform(0, 2 * np.pi))
+    turn = about(2, rng.uniform(0, 2 * np.pi))
     middle, half = below.outline.mean(axis=0), np.ptp(below.outline, axis=0) / 2
     spot = middle + rng.uniform(-0.3, 0.3, 2) * half
     corners = np.concatenate([part.vertices for part in thing.parts]) @ turn.T
@@ -119,7 +119,7 @@ def _fill(vessel: household.Piece, pose: np.ndarray, placed: list[_Placed], rng:
     own: list[np.ndarray] = []
     for _ in range(int(rng.integers(1, 4))):
         thing = household.small(rng)
-        turn = pose[:3, :3] @ _about(2, rng.uniform(0, 2 * np.pi))
+        turn = pose[:3, :3] @ about(2, rng.uniform(0, 2 * np.pi))
         corners = np.concatenate([part.vertices for part in thing.parts]) @ turn.T
         outline = regions.convex_hull(corners[:, :2].astype(np.float64))
         room = np.array([x, y]) - np.ptp(outline, axis=0) / 2
@@ -138,7 +138,8 @@ def _round(thing: household.Piece) -> bool:
     return len(thing.parts[0].vertices) > 200
 
 
-def _about(axis: int, angle: float) -> np.ndarray:
+def about(axis: int, angle: float) -> np.ndarray:
+    """The rotation (3, 3) about an axis by an angle [rad]."""
     from scipy.spatial.transform import Rotation
 
     return np.asarray(Rotation.from_rotvec(angle * np.eye(3)[axis]).as_matrix())
@@ -158,7 +159,7 @@ def room(rng: np.random.Generator) -> Room:
     """A random room; the table's middle is the origin."""
     drawn = surroundings.table(rng)
     surfaces = tuple(
-        _surface(piece.mesh, fixture.pose.matrix)
+        surface(piece.mesh, fixture.pose.matrix)
         for fixture in surroundings.fixtures(drawn, rng).values()
         for piece in fixture.parts.values()
     )
@@ -168,7 +169,7 @@ def room(rng: np.random.Generator) -> Room:
 
 def photograph(things: list[tuple[Mesh, ...]], around: Room, rng: np.random.Generator) -> Shot:
     """One photograph of the things from a random place in front of the table."""
-    surfaces = [_surface(part) for parts in things for part in parts] + list(around.surfaces)
+    surfaces = [surface(part) for parts in things for part in parts] + list(around.surfaces)
     owners = [label for label, parts in enumerate(things, start=1) for _ in parts] + [0] * len(around.surfaces)
     points = np.concatenate([part.vertices for parts in things for part in parts])
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
@@ -210,7 +211,8 @@ def shoot(
     return ndimage.gaussian_filter(rgb, (0.5, 0.5, 0.0)), seen.depth, np.append(owners, 0)[seen.index].astype(np.int32)
 
 
-def _surface(mesh: Mesh, pose: np.ndarray | None = None) -> raycast.Surface:
+def surface(mesh: Mesh, pose: np.ndarray | None = None) -> raycast.Surface:
+    """A mesh to draw, moved by a pose (4, 4)."""
     vertices = mesh.vertices.astype(np.float64)
     texture = None if mesh.texture is None else mesh.texture.pixels
     return raycast.Surface(

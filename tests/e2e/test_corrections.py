@@ -127,7 +127,7 @@ def test_one_painted_mask_rebuilds_that_object_alone(space):
     answer = space.build(TARGET, *masks)
     assert answer.code == 0, answer.err
     whole = ("whole", "mesh", "joints", "placed", "physics")
-    assert answer.nodes("ran") == {"corrected", "ground", *(f"body[red_box].{name}" for name in whole)}
+    assert answer.nodes("ran") == {"corrected", "shown", "ground", *(f"body[red_box].{name}" for name in whole)}
     assert of_bodies(answer.nodes("cached")) == {f"body[blue_box].{name}" for name in whole}
     line = next(event["line"] for event in answer.events if event.get("node") == "corrected" and "line" in event)
     assert line.startswith("red_box ")

@@ -41,6 +41,7 @@ def test_another_material_meshes_nothing_again(tmp_path):
         "objects",
         "named",
         "corrected",
+        "shown",
         *mug,
         "composed",
         "scene",

@@ -88,7 +88,8 @@ def test_services_make_the_assets_and_their_recorded_answers_make_them_again(spa
 
 def things(scene: Path) -> list[dict[str, Any]]:
     """What the service answers: the elements of a `scene.yaml`."""
-    facts = {"body_type": "rigid", "interactive": True}
+    contact = {"friction": [0.3, 0.5], "restitution": [0.1, 0.4]}
+    facts = {"body_type": "rigid", "interactive": True, "mass_g": [100, 600], **contact}
     return [
         {**facts, "phrase": f"{told['name']} box", **told} for told in yaml.safe_load(scene.read_text())["elements"]
     ]

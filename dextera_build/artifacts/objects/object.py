@@ -35,6 +35,19 @@ class JointHint(Value):
     """Position in the photograph [rad or m]; 0 is closed."""
 
 
+class Estimate(Value):
+    """Physical properties that a vision-language model states from looking; intervals hold 90 % of such things."""
+
+    phrase: str
+    """What it calls the thing."""
+    mass_kg: tuple[float, float]
+    """Mass with its contents [kg]."""
+    friction: tuple[float, float]
+    """Sliding friction coefficient against the support."""
+    restitution: tuple[float, float]
+    """Coefficient of restitution of a slow impact on the support."""
+
+
 class Element(Value):
     """One element of the photograph, found by parsing."""
 
@@ -54,6 +67,8 @@ class Element(Value):
     """Key of the material table."""
     material_confidence: float | None = None
     """Probability that it is this material: 1 if stated by the user; None if the proposer has no estimate."""
+    estimate: Estimate | None = None
+    """Physical properties as the proposer states them; None if it states none."""
     cut: bool = False
     """Whether the picture's border cuts it; what is outside the picture is completed by symmetry."""
     joints: tuple[JointHint, ...] = ()
@@ -147,7 +162,9 @@ class Shape(Artifact):
     mask_iou: float
     """Intersection over union of the rendered and the seen mask (without occluded pixels)."""
     unseen_fraction: float
-    """Fraction of the surface area that the camera did not see."""
+    """Fraction of the surface area that no photograph shows."""
+    further_seen: tuple[float, ...] = ()
+    """Fraction of it that each further photograph of the object shows, and none before it."""
     scores: dict[str, float]
     """Hypothesis -> render score, higher is better."""
     unobserved: tuple[str, ...] = ()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, Literal
 
@@ -12,7 +12,7 @@ from dextera_build.artifacts.base import Array, Artifact
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.image import DepthImage, Image
 from dextera_build.artifacts.core.frames import Frames
-from dextera_build.artifacts.objects.object import AssetSource, JointHint
+from dextera_build.artifacts.objects.object import AssetSource, Estimate, JointHint
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import upright
 from dextera_build.geometry.depth_view import DepthView
@@ -66,12 +66,32 @@ class Traits(Artifact):
     """See `Element.material`."""
     material_confidence: float | None = None
     """See `Element.material_confidence`."""
+    estimate: Estimate | None = None
+    """See `Element.estimate`."""
     cut: bool = False
     """See `Element.cut`."""
     word: str = ""
     """See `Element.word`; what the thing is called, if that says more than its category."""
     joints: tuple[JointHint, ...] = ()
     """See `Element.joints`."""
+
+
+class FurtherView(Artifact):
+    """One object in a further photograph, see `FurtherPhotographs`."""
+
+    file: str
+    """The photograph's file."""
+    view: ObjectView
+    """Its pixels."""
+    measured: MeasuredView
+    """Its depth, in the world of the first photograph's support."""
+
+
+class FurtherViews(Artifact):
+    """An object in all further photographs that show it."""
+
+    items: tuple[FurtherView, ...]
+    """In the order of the photographs."""
 
 
 class Instance(Artifact):
@@ -83,6 +103,8 @@ class Instance(Artifact):
     """Its properties."""
     measured: MeasuredView | None = None
     """Its depth; None if there is only the photograph."""
+    further: FurtherViews | None = None
+    """The same object in further photographs; None if none shows it."""
 
 
 class InstanceMap(Artifact):
@@ -115,6 +137,8 @@ class Seen(DepthView):
 
     view: ObjectView
     measured: MeasuredView
+    others: tuple[Seen, ...] = ()
+    """The same object in further photographs, in the same world."""
 
     @classmethod
     def without_depth(cls, view: ObjectView, camera_pose: Pose) -> Seen:
@@ -161,9 +185,10 @@ class Seen(DepthView):
 
     def upright(self) -> Seen:
         """The same view as seen by an upright camera, see `geometry.upright`; the world is unchanged."""
+        others = tuple(other.upright() for other in self.others)
         count = upright.turns(self.world_from_camera)
         if not count:
-            return self
+            return replace(self, others=others) if others else self
         view, pose = self.view, self.measured.camera_pose
         matrix = pose.matrix @ upright.turned_from_camera(-count)
         return Seen(
@@ -179,4 +204,5 @@ class Seen(DepthView):
                 depth=DepthImage(depth=upright.turned(self.measured.depth.depth, count)),
                 camera_pose=pose.model_copy(update={"matrix": matrix}),
             ),
+            others,
         )

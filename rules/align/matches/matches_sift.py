@@ -43,11 +43,11 @@ def match(ctx: Context, first: Image, second: Image, common: MatchesOptions, opt
     return paired(points_of(first, common.points), points_of(second, common.points), options.ratio)
 
 
-def points_of(picture: Image, most: int) -> Points:
-    """SIFT keypoints of a picture, at most about so many."""
+def points_of(picture: Image, most: int, contrast: float = 0.04) -> Points:
+    """SIFT keypoints of a picture, at most about so many, of at least this contrast (0..1)."""
     import cv2
 
-    detector = cv2.SIFT_create(nfeatures=most, enable_precise_upscale=True)
+    detector = cv2.SIFT_create(nfeatures=most, contrastThreshold=contrast, enable_precise_upscale=True)
     found, descriptors = detector.detectAndCompute(cv2.cvtColor(picture.pixels, cv2.COLOR_RGB2GRAY), None)
     pixels = np.array([point.pt for point in found]).reshape(-1, 2)
     return Points(pixels, np.zeros((0, 128), np.float32) if descriptors is None else descriptors)

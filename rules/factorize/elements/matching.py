@@ -149,9 +149,11 @@ def _merged(item: Wanted, proposal: Element | None) -> Element:
     base: dict[str, Any] = {"category": "object", "phrase": item.name.replace("_", " ")}
     if proposal is not None:
         base = {key: getattr(proposal, key) for key in ("category", "body_type", "material", "box", "phrase", "cut")}
-        # The confidence of the material was estimated for the category of the proposal.
+        # The confidence of the material, and the mass, were estimated for the category of the proposal.
         if given.get("category", proposal.category) == proposal.category:
             base["material_confidence"] = proposal.material_confidence
+            if given.get("material", proposal.material) == proposal.material:
+                base["estimate"] = proposal.estimate
     if "category" in given and "body_type" not in given:
         given["body_type"] = "articulated" if given["category"] == "laptop" else "rigid"
     if "joints" in given:

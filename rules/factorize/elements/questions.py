@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from dextera_build.artifacts.objects.object import Element
+from dextera_build.artifacts.objects.object import Element, Estimate
 from dextera_build.errors import RuleError
 
 PROMPT = """The photograph shows a workspace: a support (a table, a desk) and what stands on it.
@@ -20,9 +20,14 @@ Name everything that stands on the support or behind it. The picture is {width} 
 - body_type: articulated if it has joints (a laptop, a box with a lid), else rigid
 - interactive: true if a hand could pick it up or move a part of it, false for walls, furniture and robots
 - material: wood, plastic, ceramic, metal, glass, cardboard, rubber or fabric
+- mass_g: mass in grams with what is in it; friction: coefficient of sliding friction on the support; restitution:
+  coefficient of restitution of a slow fall onto it. Each is [low, high], so that 9 of 10 such things lie between
 - box: left, top, right, bottom in {units} of this picture, tight around what is seen of it
 Do not name the support itself."""
 _TEXT = {"type": "string"}
+_INTERVAL = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
+MOST = {"mass_g": 100_000.0, "friction": 2.0, "restitution": 1.0}
+"""Largest accepted values."""
 _FIELDS: dict[str, Any] = {
     "name": _TEXT,
     "phrase": _TEXT,
@@ -30,6 +35,7 @@ _FIELDS: dict[str, Any] = {
     "body_type": {"enum": ["rigid", "articulated"]},
     "interactive": {"type": "boolean"},
     "material": {"enum": ["wood", "plastic", "ceramic", "metal", "glass", "cardboard", "rubber", "fabric"]},
+    **dict.fromkeys(MOST, _INTERVAL),
     "box": {"type": "array", "items": {"type": "integer"}, "minItems": 4, "maxItems": 4},
 }
 _ITEM = {"type": "object", "properties": _FIELDS, "required": [*_FIELDS], "additionalProperties": False}
@@ -71,6 +77,9 @@ class Thing(BaseModel):
     body_type: Literal["rigid", "articulated"]
     interactive: bool
     material: Literal["wood", "plastic", "ceramic", "metal", "glass", "cardboard", "rubber", "fabric"]
+    mass_g: list[float] = Field(min_length=2, max_length=2)
+    friction: list[float] = Field(min_length=2, max_length=2)
+    restitution: list[float] = Field(min_length=2, max_length=2)
     box: list[int] = Field(min_length=4, max_length=4)
 
 
@@ -100,7 +109,19 @@ def read(text: str, grid: Grid) -> Answer:
             )
         if names.count(thing.name) > 1 or thing.name == "support":
             raise RuleError(f"the name `{thing.name}` is taken", code="DXB-B347")
+        _in_order(thing)
     return answer
+
+
+def _in_order(thing: Thing) -> None:
+    """Refuse an interval that is empty or exceeds what is possible."""
+    for key, most in MOST.items():
+        low, high = getattr(thing, key)
+        if not 0.0 <= low <= high <= most or (key == "mass_g" and low == 0.0):
+            raise RuleError(
+                f"`{key}` of `{thing.name}` is [{low:g}, {high:g}]; it is [low, high], between 0 and {most:g}",
+                code="DXB-B347",
+            )
 
 
 def form() -> str:
@@ -128,4 +149,8 @@ def elements(answer: Answer, grid: Grid, shape: tuple[int, ...]) -> tuple[Elemen
 def _element(thing: Thing, x: float, y: float) -> Element:
     left, top, right, bottom = thing.box
     box = (int(left * x), int(top * y), round(right * x), round(bottom * y))
-    return Element(**{**thing.model_dump(), "box": box})
+    told = thing.model_dump(exclude=set(MOST))
+    mass, friction, restitution = ((low, high) for low, high in (thing.mass_g, thing.friction, thing.restitution))
+    grams = (mass[0] / 1000.0, mass[1] / 1000.0)
+    estimate = Estimate(phrase=thing.phrase, mass_kg=grams, friction=friction, restitution=restitution)
+    return Element(**{**told, "box": box, "estimate": estimate})

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from statistics import median
 
@@ -83,6 +84,7 @@ class Evidence(DepthView):
     ray_depth: np.ndarray  # (P,) seen depth of the rays [m]
     ray_sigma: np.ndarray  # (P,) standard deviation of the depth [m]
     silhouette: Silhouette
+    others: tuple[Evidence, ...] = ()  # the same object in further photographs; points and rays above include theirs
 
     @cached_property
     def fitted_rays(self) -> np.ndarray:
@@ -92,7 +94,8 @@ class Evidence(DepthView):
     @property
     def point_sigma(self) -> np.ndarray:
         """Standard deviation (N,) of the depth of every point of the core [m], noise alone."""
-        return planes.depth_sigma(self.depth[self.core])
+        own = planes.depth_sigma(self.depth[self.core])
+        return np.concatenate([own, *(other.point_sigma for other in self.others)]) if self.others else own
 
     @property
     def eye(self) -> np.ndarray:
@@ -120,6 +123,53 @@ def gather(seen: Seen, samples: int = 1500, outline_samples: int = 220) -> Evide
         samples: Number of depth rays per fit.
         outline_samples: Number of silhouette samples per fit.
     """
+    if not seen.others:
+        return _of_one(seen, samples, outline_samples)
+    count = 1 + len(seen.others)
+    first, *others = (_of_one(one, samples // count, outline_samples // count) for one in (seen, *seen.others))
+    return joined(first, [_based(other, first.base) for other in others])
+
+
+def joined(first: Evidence, others: Sequence[Evidence]) -> Evidence:
+    """The evidence of several photographs; masks, depth and camera are those of the first one."""
+    every = (first, *others)
+    outlines = [one.silhouette for one in every]
+
+    def stacked(name: str) -> np.ndarray:
+        return np.concatenate([getattr(one, name) for one in every])
+
+    return replace(
+        first,
+        points=stacked("points"),
+        normals=stacked("normals"),
+        rays=stacked("rays"),
+        ray_depth=stacked("ray_depth"),
+        ray_sigma=stacked("ray_sigma"),
+        silhouette=Silhouette(
+            *(np.concatenate([getattr(one, name) for one in outlines]) for name in ("rays", "inside", "outside"))
+        ),
+        others=tuple(others),
+    )
+
+
+def _based(one: Evidence, base: float) -> Evidence:
+    """A view's evidence in the world whose z = 0 is at the height `base` [m], which the first photograph gives."""
+    drop = np.array([0.0, 0.0, base - one.base])
+    pose = one.world_from_camera.copy()
+    pose[:3, 3] -= drop
+    six = np.append(drop, np.zeros(3))
+    return replace(
+        one,
+        base=base,
+        world_from_camera=pose,
+        points=one.points - drop,
+        rays=one.rays - six,
+        silhouette=replace(one.silhouette, rays=one.silhouette.rays - six),
+    )
+
+
+def _of_one(seen: Seen, samples: int, outline_samples: int) -> Evidence:
+    """The evidence of one photograph."""
     k, pose = seen.camera.matrix(), seen.world_from_camera
     mask = regions.without_pinholes(seen.mask)
     depth = seen.depth.astype(np.float64)

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 from pydantic import PositiveInt
 
 from dextera_build.artifacts.objects.object import Shape, Support
-from dextera_build.artifacts.objects.view import MeasuredView, ObjectView, Seen
+from dextera_build.artifacts.objects.view import FurtherViews, MeasuredView, ObjectView, Seen
 from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 from ..measured import Measurements, of_view
@@ -47,22 +47,27 @@ def mesh(
     view: ObjectView,
     measured: MeasuredView | None = None,
     support: Support | None = None,
+    further: FurtherViews | None = None,
     *,
     options: MeshOptions | None = None,
 ) -> Shape:
     """Return a closed, textured mesh of the object, origin at the centre of the base, z up in its photographed pose.
 
     The result of a backend that reads `measured` is in metres and labelled `rgbd`; for any other, `align.object` finds
-    the scale. `support` tells backends without depth where the camera is.
+    the scale. `support` tells backends without depth where the camera is. `further` are views of the object in further
+    photographs, which backend `primitives` fits together with the first one.
     """
     options = options or MeshOptions()
-    depth = of_view(ctx, view, measured, support)
+    depth = of_view(ctx, view, measured, support, further)
     made: Shape = ctx.backend.complete(ctx, view, depth, options, ctx.backend_options)
     shape = made.model_copy(update={"asset_source": depth.source(view.asset_source)})
     lowest = float(shape.mesh.vertices[:, 2].min())
     ctx.check(shape.mesh.is_closed, "the mesh is open", hint="use backend `stub`", faces=len(shape.mesh.faces))
     ctx.check(abs(lowest) < 1e-4, "the base is not at z = 0", lowest=f"{lowest * 1000:.2f} mm")
-    ctx.say(describe(shape))
+    shown = [] if further is None else [*zip((one.file for one in further.items), shape.further_seen, strict=False)]
+    ctx.say(describe(shape) + "".join(f", {name} shows {100 * share:.0f} % more" for name, share in shown))
+    for name, share in shown:
+        ctx.metric(f"seen by {name} only", 100.0 * share, "%")
     ctx.metric("mask IoU", shape.mask_iou)
     if shape.residual_m is not None:
         ctx.metric("depth residual", shape.residual_m * 1000.0, "mm")

@@ -1,4 +1,4 @@
-"""The texture of a body: from the photograph, then by symmetry, then from the nearest seen colours."""
+"""The texture of a body: from the photograph, then from further ones, by symmetry, and from the nearest colours."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ GUESS_FROM, GUESS_SOURCES, GUESS_BLOCK_PX = 16, 3000, 5
 """A guess averages the nearest GUESS_FROM of GUESS_SOURCES seen texels, once per block of GUESS_BLOCK_PX [px]."""
 FEATHER_PX = 6.0
 """Width of the transition from read to guessed colours [px]."""
+LEAST_BOTH, MOST_GAIN = 50, 2.0
+"""Minimum number of texels that two photographs show, to compare their exposures, and the largest ratio of these."""
 HALF_TURN = np.diag([-1.0, -1.0, 1.0])
 """Half a turn about the body's vertical axis: a symmetry of boxes, cylinders and oval bodies."""
 MIRROR = np.diag([1.0, -1.0, 1.0])
@@ -30,7 +32,7 @@ class Painted:
 
     uv: np.ndarray  # (F, 3, 2) float32
     pixels: np.ndarray  # (h, w, 3) uint8
-    seen_fraction: float  # fraction of the surface seen by the camera
+    seen: tuple[float, ...]  # fraction of the surface that each photograph shows, and none before it
 
 
 def paint(
@@ -47,7 +49,7 @@ def paint(
     Args:
         body: Closed surface, own frame.
         pose: T_world_object (4, 4).
-        seen: The view whose photograph is used.
+        seen: The view whose photograph is used, and further ones where it shows nothing.
         most_px: Largest width and height of the texture [px].
         symmetry: (3, 3) rotation or mirror of the body's frame that maps the body to itself, or None.
         revolved: Whether the body is rotationally symmetric about z; `symmetry` is then ignored.
@@ -63,10 +65,15 @@ def paint(
     if symmetry is not None:
         twin, likely = photograph.read(texels.points @ symmetry.T, texels.normals @ symmetry.T)
         colours = _mixed(texels, atlas, colours, twin, likely)
+    others = [_Photograph(body, pose, other) for other in seen.others]
+    for other in reversed(others):
+        twin, likely = other.read(texels.points, texels.normals)
+        gain = _exposure(read, twin, np.minimum(trust, likely) > 0.6)
+        colours = _mixed(texels, atlas, colours, (twin * gain).clip(0.0, 255.0), likely)
     colours = _mixed(texels, atlas, colours, read, trust)
     pixels, filled = _drawn(texels, atlas, colours), _drawn(texels, atlas, np.ones((len(colours), 1)))[..., 0] > 0
     pixels = np.round(texture.bled(pixels, filled)).clip(0, 255).astype(np.uint8)
-    return Painted(atlas.uv.astype(np.float32), pixels, photograph.seen_fraction())
+    return Painted(atlas.uv.astype(np.float32), pixels, _fractions(body, [photograph, *others]))
 
 
 def _facing_mirror(pose: np.ndarray, seen: Seen) -> np.ndarray:
@@ -144,19 +151,35 @@ class _Photograph:
         facing = self.facing(points, normals) > 0.0
         return np.asarray(facing & (np.abs(first - 1.0) * length < 0.0015 + 0.002 * length))
 
-    def seen_fraction(self) -> float:
-        """Fraction of the surface area visible to the camera."""
-        a, b, c = np.moveaxis(self.body.vertices[self.body.faces], 1, 0)
-        area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-        normals = texture.face_normals(self.body.vertices, self.body.faces)
-        total = 0.0
-        for weights in ((4, 1, 1), (1, 4, 1), (1, 1, 4), (2, 2, 2)):
-            points = (weights[0] * a + weights[1] * b + weights[2] * c) / 6.0
-            place = cameras.project(transforms.apply(self.camera_from_object, points), self.k)
-            nearest = np.clip(np.round(place).astype(int), 0, np.array(self.seen.mask.shape)[::-1] - 1)
-            lit = self.open(points, normals) & self.seen.mask[nearest[:, 1], nearest[:, 0]]
-            total += float((area * lit).sum()) / 4.0
-        return total / float(area.sum())
+    def lit(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Whether the photograph shows surface points (N,)."""
+        place = cameras.project(transforms.apply(self.camera_from_object, points), self.k)
+        nearest = np.clip(np.round(place).astype(int), 0, np.array(self.seen.mask.shape)[::-1] - 1)
+        return np.asarray(self.open(points, normals) & self.seen.mask[nearest[:, 1], nearest[:, 0]])
+
+
+def _fractions(body: Solid, photographs: list[_Photograph]) -> tuple[float, ...]:
+    """Fraction of the surface area that each photograph shows, and none before it."""
+    a, b, c = np.moveaxis(body.vertices[body.faces], 1, 0)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    normals = texture.face_normals(body.vertices, body.faces)
+    totals = [0.0] * len(photographs)
+    for weights in ((4, 1, 1), (1, 4, 1), (1, 1, 4), (2, 2, 2)):
+        points = (weights[0] * a + weights[1] * b + weights[2] * c) / 6.0
+        left = np.ones(len(points), bool)
+        for number, photograph in enumerate(photographs):
+            lit = photograph.lit(points, normals) & left
+            totals[number] += float((area * lit).sum()) / 4.0
+            left &= ~lit
+    return tuple(total / float(area.sum()) for total in totals)
+
+
+def _exposure(first: np.ndarray, other: np.ndarray, both: np.ndarray) -> np.ndarray:
+    """Gains (3,) of another photograph's colours (N, 3) to agree with the first one's where `both` (N,) are trusted."""
+    if both.sum() < LEAST_BOTH:
+        return np.ones(3)
+    ratio = (np.median(first[both], axis=0) + 1.0) / (np.median(other[both], axis=0) + 1.0)
+    return np.asarray(ratio.clip(1.0 / MOST_GAIN, MOST_GAIN))
 
 
 def _guessed(texels: texture.Texels, read: np.ndarray, trust: np.ndarray, seen: Seen, *, revolved: bool) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,7 +35,16 @@ class Judgement:
 
 
 def judge(body: Solid, evidence: Evidence, complexity: float = 0.0) -> Judgement:
-    """Render a closed surface in the world frame from the camera and compare it with the view."""
+    """Render a closed surface in the world frame from every camera and compare it with the views.
+
+    The score is the mean of those of all photographs; everything else is of the first one.
+    """
+    first = _of_one(body, evidence)
+    marks = [first, *(_of_one(body, other) for other in evidence.others)]
+    return replace(first, score=sum(mark.score for mark in marks) / len(marks) - complexity)
+
+
+def _of_one(body: Solid, evidence: Evidence) -> Judgement:
     height, width = evidence.mask.shape
     surface = raycast.Surface(body.vertices, body.faces)
     shown = raycast.render([surface], evidence.k, evidence.world_from_camera, height, width)
@@ -52,5 +61,5 @@ def judge(body: Solid, evidence: Evidence, complexity: float = 0.0) -> Judgement
     seen_behind = (evidence.depth > 0) & (shown.depth < evidence.depth - step(evidence.sigma))
     clear = np.where(mask, evidence.core, True)
     free = np.count_nonzero(covered & seen_behind & clear) / max(int(np.count_nonzero(covered)), 1)
-    score = iou - DEPTH_WEIGHT * depth_error - FREE_WEIGHT * free - complexity
+    score = iou - DEPTH_WEIGHT * depth_error - FREE_WEIGHT * free
     return Judgement(float(score), float(iou), residual, float(free))

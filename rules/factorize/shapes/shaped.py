@@ -62,6 +62,7 @@ def shaped(
         hollow=body.hollow,
         residual_m=judged.residual_m if np.isfinite(judged.residual_m) else None,
         mask_iou=judged.mask_iou,
-        unseen_fraction=1.0 - painted.seen_fraction,
+        unseen_fraction=1.0 - sum(painted.seen),
+        further_seen=painted.seen[1:],
         scores=scores,
     )

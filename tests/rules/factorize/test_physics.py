@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.objects.object import Body, Certainty, Link, Physics, Placement, Rival, Support
+from dextera_build.artifacts.objects.object import Body, Certainty, Estimate, Link, Physics, Placement, Rival, Support
 from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import RuleError
@@ -230,3 +230,66 @@ def test_things_of_a_household_are_compared_in_metres(runner):
     unknown = sized.model_copy(update={"scale": "unknown", "factor": 1.0})
     alone = weigh(runner, double, "cardboard", category="box", world=(placement, unknown)).links["base"]
     assert alone.source.startswith("material table")
+
+
+CARTON = object_views.mesh(solids.box((0.060, 0.158, 0.210), (0.0, 0.0, 0.105)))
+
+
+def told(runner, body, estimate, proposed="cardboard", category="box", **options) -> Physics:
+    """The physics of a body of which a model states an estimate."""
+    traits = object_views.view(body.links["base"].mesh, np.eye(4), material=proposed).traits
+    traits = traits.model_copy(update={"category": category, "estimate": estimate})
+    return runner.run("factorize.physics", body=body, traits=traits, options=options)
+
+
+def guess(mass_kg, friction=(0.35, 0.45), restitution=(0.1, 0.3), phrase="box of crackers") -> Estimate:
+    return Estimate(phrase=phrase, mass_kg=mass_kg, friction=friction, restitution=restitution)
+
+
+@pytest.mark.parametrize(("hollow", "mass_kg"), [(False, (0.3, 0.5)), (True, (0.9, 1.5))])
+def test_an_estimate_that_agrees_narrows_the_mass(runner, hollow, mass_kg):
+    """A carton of 411 g by the things of a household, and a body of walls by its material alone."""
+    body = object_views.body(CARTON, hollow=hollow)
+    alone = weigh(runner, body, "cardboard", category="box").links["base"]
+    both = told(runner, body, guess(mass_kg)).links["base"]
+    assert both.mass_high_kg / both.mass_low_kg < 0.7 * alone.mass_high_kg / alone.mass_low_kg
+    assert both.source == f"{alone.source}, and a model's estimate" or "like cracker box" in both.source
+    assert both.inertia == pytest.approx([both.mass_kg / alone.mass_kg * part for part in alone.inertia])
+    if not hollow:
+        assert both.mass_low_kg < 0.411 < both.mass_high_kg < 4 * both.mass_low_kg
+
+
+def test_an_estimate_that_cannot_be_changes_little(runner):
+    body = object_views.body(CARTON)
+    alone = told(runner, body, None).links["base"]
+    wrong = told(runner, body, guess((40.0, 60.0), phrase="")).links["base"]
+    assert wrong.mass_kg == pytest.approx(alone.mass_kg, rel=0.1)
+    assert wrong.mass_high_kg / wrong.mass_low_kg > 0.8 * alone.mass_high_kg / alone.mass_low_kg
+
+
+def test_an_estimate_of_contact_moves_it_and_never_widens_it(runner):
+    body = object_views.body(CARTON)
+    alone = told(runner, body, None)
+    both = told(runner, body, guess((0.3, 0.5), friction=(0.5, 0.6), restitution=(0.2, 0.3)))
+    assert alone.friction < both.friction < 0.55
+    assert both.friction_sigma < alone.friction_sigma
+    assert both.restitution_sigma < alone.restitution_sigma
+
+
+def test_a_weighed_mass_and_a_stated_material_come_before_an_estimate(runner):
+    body = object_views.body(CARTON)
+    assert told(runner, body, guess((0.3, 0.5)), mass_kg=0.7).links["base"].mass_kg == pytest.approx(0.7)
+    stated = told(runner, body, guess((0.3, 0.5)), material="rubber")
+    assert stated == told(runner, body, None, material="rubber")
+
+
+def test_an_estimate_is_compared_in_metres(runner):
+    """A carton in a world whose unit is 0.5 m; the mass of a body of two links is shared as their volumes are."""
+    double = object_views.body(object_views.mesh(solids.box((0.120, 0.316, 0.420), (0.0, 0.0, 0.210))))
+    pose = Pose(parent="world", child="object", matrix=np.eye(4))
+    placement = Placement(pose=pose, scale=0.5, method="guess")
+    traits = object_views.view(CARTON, np.eye(4), material="cardboard").traits
+    traits = traits.model_copy(update={"category": "box", "estimate": guess((0.3, 0.5))})
+    own = told(runner, object_views.body(CARTON), guess((0.3, 0.5))).links["base"]
+    scaled = runner.run("factorize.physics", body=double, traits=traits, placement=placement).links["base"]
+    assert scaled.mass_kg / 8 == pytest.approx(own.mass_kg, rel=1e-4)

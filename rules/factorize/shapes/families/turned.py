@@ -77,10 +77,15 @@ def _about(evidence: Evidence, axis: np.ndarray) -> Turned:
     low = float(np.quantile(evidence.points @ axis, 0.01))
     world_from_turned = transforms.rigid(rotation, axis * low)
     back = transforms.invert(world_from_turned)
-    seen = replace(
+    return Turned(_turned(evidence, back, rotation), world_from_turned)
+
+
+def _turned(evidence: Evidence, back: np.ndarray, rotation: np.ndarray) -> Evidence:
+    """The evidence after the motion `back` (4, 4) with the inverse of `rotation` (3, 3); rays, for fits, stay."""
+    return replace(
         evidence,
         world_from_camera=back @ evidence.world_from_camera,
         points=transforms.apply(back, evidence.points),
         normals=evidence.normals @ rotation,
+        others=tuple(_turned(other, back, rotation) for other in evidence.others),
     )
-    return Turned(seen, world_from_turned)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from dextera_build.artifacts.base import File
 from dextera_build.calls.recorder import Recorder
 from dextera_build.errors import DxbError
 from dextera_build.store.store import Store
@@ -24,6 +25,9 @@ MUG = {
     "body_type": "rigid",
     "interactive": True,
     "material": "ceramic",
+    "mass_g": [250, 400],
+    "friction": [0.3, 0.5],
+    "restitution": [0.2, 0.5],
     "box": [10, 20, 60, 90],
 }
 
@@ -67,6 +71,9 @@ def test_things_come_from_the_service_and_then_from_the_record(parse, service, s
     found = {element.name: element for element in parse().elements}
     assert set(found) == {"red_mug", "support"}
     assert found["red_mug"].box == (10, 20, 60, 90)
+    estimate = found["red_mug"].estimate
+    assert (estimate.phrase, estimate.mass_kg, estimate.friction) == ("red mug", (0.25, 0.4), (0.3, 0.5))
+    assert found["support"].estimate is None
     monkeypatch.delenv("DXB_VLM_URL")
     again = parse("replay")
     assert again.elements[0] == found["red_mug"]
@@ -93,6 +100,11 @@ def test_things_come_from_the_service_and_then_from_the_record(parse, service, s
         [{**MUG, "name": "../red"}],
         [{**MUG, "category": "weapon"}],
         [{**MUG, "colour": "red"}],
+        [{**MUG, "mass_g": [400, 250]}],
+        [{**MUG, "mass_g": [0, 250]}],
+        [{**MUG, "friction": [0.2, 3.0]}],
+        [{**MUG, "restitution": [-0.1, 0.3]}],
+        [{name: value for name, value in MUG.items() if name != "mass_g"}],
         [],
     ],
 )
@@ -131,3 +143,18 @@ def test_the_model_is_told_what_is_wrong_and_answers_again(parse, service):
         "content": json.dumps({"elements": [{**MUG, "box": [60, 20, 10, 90]}]}),
     }
     assert "the box of `red_mug` is [60, 20, 10, 90]" in second["messages"][2]["content"]
+
+
+def test_an_estimate_stays_with_an_element_that_the_file_only_renames(scene, support, service, tmp_path):
+    """Another material makes it another thing than the one that the model weighed."""
+
+    def cup(entry: str):
+        runner = RuleRunner(tmp_path, calls=Recorder(Store(tmp_path / "store"), "record"))
+        listed = File(data=f"elements:\n  - {{name: cup, at_px: [30, 40]{entry}}}\n".encode())
+        shot = factories.shot(scene.capture)
+        options = {"vlm": {"model": "seer-1"}}
+        found = runner.run("factorize.parse", backend="vlm", options=options, **shot, support=support, scene=listed)
+        return found.elements[0]
+
+    assert cup("").estimate.mass_kg == (0.25, 0.4)
+    assert cup(", material: metal").estimate is None
