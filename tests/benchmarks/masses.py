@@ -91,11 +91,12 @@ def main() -> None:
 
 
 def _by_others(thing: household.Thing, phrase: str) -> household.Mass:
-    """The mass of a thing from all others, with what a model would call it."""
+    """The mass of a thing from all others, with its word by its outline or what a model would call it."""
     others = [other for other in household.things() if other.name != thing.name]
     shapes = household.CLASSES[thing.kind]
     plain = 500.0 * float(np.prod(thing.sides_m))
-    told = household.Told(max(shapes, key=lambda name: shapes[name]), phrase=phrase)
+    word = thing.word if thing.word in nouns.OUTLINES else ""
+    told = household.Told(max(shapes, key=lambda name: shapes[name]), word=word, phrase=phrase)
     return household.mass_of(np.array(thing.sides_m), told, (plain / 5, plain, plain * 5), others)
 
 
