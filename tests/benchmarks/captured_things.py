@@ -144,7 +144,7 @@ def fitted(runner: RuleRunner, found: Found) -> tuple[Shape, tuple[float, float,
     placement = runner.run("align.object", body=body, support=found.support, **sights)
     told = {"body": body, "traits": found.instance.traits, "placement": placement, "support": found.support}
     link = runner.run("factorize.physics", **told).links["base"]
-    return shape, tuple(1000.0 * kg for kg in (link.mass_low_kg, link.mass_kg, link.mass_high_kg))  # type: ignore[return-value]
+    return shape, (1000.0 * link.mass_low_kg, 1000.0 * link.mass_kg, 1000.0 * link.mass_high_kg)
 
 
 def _sizes(shape: Shape) -> np.ndarray:

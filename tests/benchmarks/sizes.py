@@ -24,7 +24,6 @@ from dextera_build.artifacts.objects.object import Shape, Support
 from dextera_build.artifacts.objects.view import Instance, Traits
 from dextera_build.artifacts.robots.noise import ColourNoise, DepthNoise
 from dextera_build.artifacts.scenes.world import Thing
-from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.errors import DxbError
 from dextera_build.geometry import lie, transforms
 from dextera_build.sim.render.sensor import measure_colour, measure_depth
@@ -32,7 +31,7 @@ from dextera_build.testing import RuleRunner
 from rules.factorize.masks.cutting import Cutter, Said
 from rules.factorize.measured import Measurements, Workspace
 from tests import factories, object_views
-from tests.benchmarks import catalogue, quick_scenes
+from tests.benchmarks import catalogue, household, quick_scenes
 
 NOISE = DepthNoise(edge_loss=0.5, smear=0.5, dark_loss=0.4, shine_loss=0.8)
 """That of `benchmark/drawn`."""
@@ -55,7 +54,7 @@ def draw(name: str, thing: Thing, seed: int) -> Drawn:
     rng = np.random.default_rng([31, seed])
     room = quick_scenes.room(rng)
     pose = transforms.rigid(lie.about_z(rng.uniform(0.0, 2.0 * np.pi)), np.array([*rng.uniform(-0.08, 0.08, 2), 0.0]))
-    parts = tuple(quick_scenes.household.Piece((part.mesh,)).moved(pose)[0] for part in thing.parts.values())
+    parts = tuple(household.Piece((part.mesh,)).moved(pose)[0] for part in thing.parts.values())
     shot = quick_scenes.photograph([parts], room, rng)
     capture = factories.rgbd(
         measure_colour(shot.rgb, ColourNoise(), rng),
@@ -107,8 +106,8 @@ def extents(points: np.ndarray, world_from_camera: np.ndarray) -> np.ndarray:
 
 def placed(shape: Shape) -> np.ndarray:
     """Corners (N, 3) of a body in the world of its support [m]."""
-    mesh: Mesh = shape.mesh
-    return transforms.apply(shape.pose.matrix, mesh.vertices.astype(np.float64))
+    assert shape.pose is not None
+    return transforms.apply(shape.pose.matrix, shape.mesh.vertices.astype(np.float64))
 
 
 def errors(recipe: str, meshes: Path, seed: int, limit: int) -> Iterator[tuple[str, str, np.ndarray, np.ndarray]]:

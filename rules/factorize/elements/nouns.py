@@ -93,7 +93,7 @@ def _of_size(outline: str, height: float, width: float) -> str:
         tall, broad, deep = thing.sides_m
         # A can stands on its end; other things stand on any face. Turned about the vertical, they show one side or the
         # other.
-        faces = ((tall, (deep, broad)), (broad, (deep, tall)), (deep, (broad, tall)))
+        faces = [(tall, (deep, broad)), (broad, (deep, tall)), (deep, (broad, tall))]
         if outline == "straight":
             faces = faces[:1] if broad == deep else faces[2:]
         for up, sides in faces:
