@@ -22,7 +22,12 @@ def test_pixels_come_back_at_every_level(kind: str) -> None:
 def test_a_picture_is_encoded_once_and_another_one_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[tuple[int, ...]] = []
     encode = image._encoded
-    monkeypatch.setattr(image, "_encoded", lambda pixels, level: (made.append(pixels.shape), encode(pixels, level))[1])
+
+    def counted(pixels: np.ndarray, level: int) -> bytes:
+        made.append(pixels.shape)
+        return encode(pixels, level)
+
+    monkeypatch.setattr(image, "_encoded", counted)
     monkeypatch.setattr(image, "_ENCODED", {})
     pixels = np.arange(60, dtype=np.uint8).reshape(4, 5, 3)
     first = image.png(pixels)
