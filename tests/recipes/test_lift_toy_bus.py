@@ -18,10 +18,9 @@ ATTEMPTS = 3
 @pytest.mark.slow
 def test_a_toy_bus_stands_free_and_is_lifted(tmp_path: Path) -> None:
     space = Space(tmp_path)
-    twin = built(space, "twin/bus_table:scene", "twin/bus_table:settle")
-    report = json.loads(twin["settle"].read_text())
+    assert_rests(built(space, "twin/bus_table:scene")["scene"], held=0)
+    report = json.loads(built(space, "twin/bus_table:settle")["settle"].read_text())
     assert {body["name"] for body in report["bodies"]} == {"toy_bus", "blue_mug", "basket"}
-    assert_rests(twin["scene"], held=0)
     shown = built(space, "task/ob/lift_toy_bus:expert", "--set", f"attempts.attempts={ATTEMPTS}")
     (row,) = csv.DictReader(shown["expert"].read_text().splitlines())
     assert (row["task"], row["attempts"], row["success [%]"]) == ("LiftToyBus", str(ATTEMPTS), "100.0")
