@@ -27,8 +27,6 @@ BONDED_APART = 1.0
 """The same across a sharp crease or a depth step, if one part is minor or both have the same colours."""
 BONDED_EQUALS = 1.5
 """The same for parts of similar size, where a wrong join loses both objects."""
-SAME_COLOUR = 0.8
-"""Histogram overlap above which two parts have the same colours."""
 MINOR = 0.3
 """A part with less than this fraction of the other's surface is minor."""
 DOUBTED_CONVEX = -1.5
@@ -163,7 +161,7 @@ def _bond(parts: Grouping, a: int, b: int) -> float:
     one, other = parts.groups[a], parts.groups[b]
     alike = relations.likeness(parts.surfaces, one, other)
     minor = min(one.area_m2, other.area_m2) < MINOR * max(one.area_m2, other.area_m2)
-    least = BONDED_APART if minor or alike > SAME_COLOUR else BONDED_EQUALS
+    least = BONDED_APART if minor or alike > relations.SAME_COLOUR else BONDED_EQUALS
     return parts.odds(a, b) - least if alike > ALIKE else -np.inf
 
 

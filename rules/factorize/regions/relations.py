@@ -25,6 +25,8 @@ CONTRAST_LAB = 60.0
 """Larger differences of colour across a border carry no further information [CIE Lab]."""
 LOST_LAB = 20.0
 """Largest difference from a group's colour at which pixels without depth are of it [CIE Lab]."""
+SAME_COLOUR = 0.8
+"""Histogram overlap above which two parts have the same colours."""
 EDGE_LAB = 12.0
 """Difference of colour across a border that is no noise [CIE Lab]."""
 

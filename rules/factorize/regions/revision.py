@@ -20,7 +20,10 @@ LEAST_M2 = 0.0015
 
 
 def divide_doubted(parts: Grouping) -> None:
-    """Divide groups along former joins that the network doubts when it sees both whole sides, the least likely first."""
+    """Divide groups along former joins that the network doubts when it sees both sides, the least likely first.
+
+    Parts of the same colours are not divided: nothing but the geometry of their contact speaks for two objects.
+    """
     waiting = sorted(set(parts.groups) - parts.hinged)
     while waiting:
         number = waiting.pop()
@@ -44,7 +47,7 @@ def _proposals(parts: Grouping, number: int) -> Iterator[tuple[float, frozenset[
         if not LEAST_M2 <= area <= parts.groups[number].area_m2 - LEAST_M2:
             continue
         contact = parts.contact_of(side, rest)
-        if contact.pairs >= FEWEST:
-            ends = parts.union(side), parts.union(rest)
+        ends = parts.union(side), parts.union(rest)
+        if contact.pairs >= FEWEST and relations.likeness(parts.surfaces, *ends) < relations.SAME_COLOUR:
             hollow = any(relations.is_cavity(parts.surfaces, end) for end in ends)
             yield (PARTED_CAVITY if hollow else PARTED) - parts.bonds.score(*ends, contact), side
