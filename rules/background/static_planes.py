@@ -37,6 +37,8 @@ BACKEND = Backend(
 
 SOFT = 0.006
 """Width next to a mask, as a fraction of the picture's width, in which pixels mix the colours of both sides."""
+MOST_SHADE = 1.08
+"""Gain of what a further photograph shows above which it lies in a shadow."""
 MOST_GAIN = 1.6
 """Maximum gain when removing shadows and reflections."""
 
@@ -142,6 +144,9 @@ def _fill_support(
     source = _alike(flat, level & ~gap, free & ~gap, 0.03 / view.texel)
     shown = view.lay((known & target).astype(np.uint8), smooth=False) > 0
     gain = _gain(flat, gap, source, shown, options.shadow_reach_m / view.texel)
+    # The shadow of an object is where others see it, too: there, the texture around it is the better guess.
+    shown &= gain.max(axis=-1) < MOST_SHADE
+    known = known & (view.lift(shown.astype(np.uint8), target.shape, smooth=False) > 0)
     # Unfilled pixels keep their texture; only their brightness changes.
     target &= ~known
     beside = (layers.behind & ~target)[..., None]

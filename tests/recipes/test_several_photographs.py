@@ -40,7 +40,7 @@ def space(tmp_path: Path) -> Space:
 
 @pytest.mark.slow
 def test_a_folder_of_three_photographs_becomes_a_twin(space: Space) -> None:
-    answer = space.build("twin/tabletop", "--input", "capture=first", targets=["scene"])
+    answer = space.build("twin/tabletop:scene", "--input", "capture=first")
     assert answer.code == 0, answer.err[-3000:]
     lines = {event["node"]: event["line"] for event in answer.events if event["event"] == "node_finished"}
     assert lines["listed"] == "right.png, behind.png"

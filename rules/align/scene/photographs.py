@@ -99,7 +99,7 @@ def _next(
         starts = [_matched(one.capture, points, *each) for each in zip(known, taken, strict=True)]
         found = [start for start in starts if start is not None and len(start.matches) >= FEWEST]
         if one.pose is not None:
-            _compare(ctx, one, found)
+            _compare(ctx, one, found, known)
             return one, points, Depths.of(one.capture, one.pose.matrix), None
         tried += [(start, one, points) for start in found]
     best = max(tried, key=lambda each: len(each[0].matches), default=None)
@@ -115,12 +115,13 @@ def _next(
     return one, points, Depths.of(one.capture, start.pose.scene_from_camera), start
 
 
-def _compare(ctx: Context, one: Further, found: list[Start]) -> None:
+def _compare(ctx: Context, one: Further, found: list[Start], known: list[Depths]) -> None:
     """Refuse a stated pose that matched points contradict; the depth of a bare table contradicts few poses."""
     if not found or one.pose is None:
         return
     best = max(found, key=lambda start: len(start.matches))
-    apart = transforms.invert(one.pose.matrix) @ best.pose.scene_from_camera
+    own = Depths.of(one.capture, best.pose.scene_from_camera)
+    apart = transforms.invert(one.pose.matrix) @ refined(own, known, *_pairs(own, best))
     distance, angle = float(np.linalg.norm(apart[:3, 3])), float(np.degrees(transforms.angle(apart[:3, :3])))
     if distance > APART_M or angle > APART_DEG:
         ctx.fail(
