@@ -26,7 +26,6 @@ from dextera_build.artifacts.core import trees
 from dextera_build.artifacts.tasks.episode import Episodes
 from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.artifacts.tasks.task import TaskBundle
-from dextera_build.learning import weights
 from dextera_build.policy.layout import of_bundle
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.rollout import Acting, closed_loop
@@ -98,6 +97,8 @@ def exported(runner: RuleRunner, bundle: TaskBundle, episodes: Episodes, folder:
 
 def compare(bundle: TaskBundle, episodes: Episodes, options: dict[str, Any], trials: int, folder: Path) -> list[str]:
     """The rows of the table."""
+    from dextera_build.learning import weights  # loads torch, and tests that are collected import this file
+
     runner, environment = RuleRunner(folder), Environment(bundle)
     checkpoint, seconds = own(runner, bundle, episodes, options)
     count = sum(each.numel() for each in weights.from_bytes(checkpoint.weights).values())
