@@ -139,8 +139,9 @@ class CodeIndex:
             todo += fresh
 
     def _module_name(self, file: Path) -> str:
+        # A process may have mounted the roots of many projects, and `is_relative_to` takes long.
         for name, folder in self._roots.items():
-            if file.is_relative_to(folder):
+            if str(file).startswith(f"{folder}{os.sep}"):
                 return ".".join((name, *file.relative_to(folder).with_suffix("").parts))
         if file.is_relative_to(PACKAGE):
             return ".".join((DXB, *file.relative_to(PACKAGE).with_suffix("").parts))

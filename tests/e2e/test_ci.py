@@ -52,7 +52,7 @@ def test_main_gives_and_a_pull_request_takes(space: Space, programs: Path) -> No
     assert changed.code == 3, changed.err
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_store_does_not_grow_from_job_to_job(space: Space, programs: Path) -> None:
     assert job(space, programs, "one").code == 0
     before = set(results(space, "one"))

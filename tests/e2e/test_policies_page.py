@@ -50,7 +50,7 @@ def test_adding_and_editing_an_algorithm_makes_its_own_nodes_stale_alone(space: 
     assert stale(copied, planned(space, "task/close_laptop")) == TRIALS
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_policy_of_the_page_does_what_was_shown(space: Space, tmp_path: Path) -> None:
     add_nearest(space)
     bundle = gate.bundle()
