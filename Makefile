@@ -37,7 +37,7 @@ demo: setup ## Build twin/laptop_scene and write its report
 test: setup ## Run the quick tests, those of at most a second or so
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow and not medium' $(ARGS)
 
-test-medium: setup ## Run the tests of about one to four seconds, as CI does with the quick ones
+test-medium: setup ## Run the tests of half a second to four, as CI does with the quick ones
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'medium and not slow' $(ARGS)
 
 test-gpu: setup ## Run the tests of training on a GPU, which are skipped without one

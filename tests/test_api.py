@@ -50,6 +50,7 @@ def test_a_build_returns_what_became_of_every_node(project):
     assert project.get("say/words:all").data == b"ONE!!! TWO!!!"
 
 
+@pytest.mark.medium
 def test_flags_have_the_same_power(project, tmp_path):
     quiet = project.build("say/words", settings={"start.text": "a b c", "word[a].loud.times": 3}, jobs=1)
     assert quiet.artifact("all").data == b"A!!!!! B!!! C!!!"

@@ -186,6 +186,7 @@ def test_pages_name_no_rows_of_the_plan(page):
     assert set(re.findall(r"(?<![\w-])[A-H]\d{1,2}(?![\w-])", prose)) <= {"D65", "E76", "F1"}
 
 
+@pytest.mark.medium
 def test_the_reference_has_every_error(reference):
     sources = [*(REPO / "dextera_build").rglob("*.py"), *(REPO / "rules").rglob("*.py")]
     codes = {code for file in sources for code in re.findall(r'"(DXB-[A-Z]\d{3})"', file.read_text())}

@@ -166,6 +166,7 @@ def test_a_program_that_is_ended_leaves_nothing_and_says_what_it_has(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.medium
 def test_cost_is_that_of_the_command(tmp_path):
     words = "import time; b = b'x' * 80_000_000; time.sleep(0.2); sum(range(3_000_000))"
     large = measure.cost([sys.executable, "-c", words], tmp_path, 60)
@@ -249,6 +250,7 @@ def test_a_large_folder_comes_back_whole(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.medium
 def test_rows_that_are_phases_of_graphs(tmp_path, monkeypatch):
     for name in ("RESTORED", "NODES", "LONG"):
         monkeypatch.setattr(graphs, name, 20)

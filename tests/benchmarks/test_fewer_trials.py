@@ -51,6 +51,7 @@ def test_a_clear_difference_takes_a_fraction_of_the_starts(rng):
     assert fewer_trials.fixed(*series)[:, -1].mean() >= done.mean() - 0.01
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(("pairs", "rest"), [(10, 90), (20, 80), (50, 50)])
 def test_joined_intervals_cover_the_truth(rng, pairs, rest):
     found = np.array([fewer_trials.estimate(chances(*case), pairs, rest, 500, rng) for case in fewer_trials.grid()])

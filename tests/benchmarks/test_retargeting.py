@@ -26,6 +26,7 @@ def cells(row: str) -> list[str]:
     return [cell.strip() for cell in row.strip("|").split("|")]
 
 
+@pytest.mark.medium
 def test_the_urdf_of_the_peer_has_the_kinematics_of_the_robot(leap: RobotModel) -> None:
     own = matched(leap, "arm")
     wrist = np.eye(4)

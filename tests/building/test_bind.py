@@ -229,6 +229,7 @@ def test_what_is_refused_is_not_written(project, name, draft, message):
     assert naming.names() == before
 
 
+@pytest.mark.medium
 def test_a_name_is_removed_also_when_its_recipe_is_gone(project):
     naming = bind.Naming(project, "twin/desk")
     naming.bind("cup", LEFT)

@@ -199,6 +199,7 @@ def node_of(raw: dict, name: str = "scene") -> dict:
     return next(node for node in raw["builds"][0]["nodes"] if node["node"] == name)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("change", "code", "word"),
     [

@@ -105,6 +105,7 @@ def test_the_store_keeps_what_it_has_under_a_key(folder, store, other):
     assert other.actions.get(key) == mine
 
 
+@pytest.mark.medium
 def test_a_large_blob_is_never_in_memory(tmp_path, store, other):
     """96 MiB are imported while Python holds at most a tenth of that."""
     size = 96 << 20

@@ -47,6 +47,7 @@ def test_a_job_is_submitted_polled_fetched_and_then_replayed(store, service, ask
     assert [data["seconds"] for kind, data in told if kind == "grace"] == [10.0, 1.0]
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     "faults",
     [

@@ -84,6 +84,7 @@ def test_damage_at_any_byte_of_a_store_costs_a_rebuild_at_most(tmp_path: Path, s
     assert verify(Store(root)).is_whole
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("step", STEPS)
 def test_damage_at_any_byte_of_the_local_state_is_seen(tmp_path: Path, step: int) -> None:
     """Promise: no damaged byte of what a machine remembers becomes an answer."""

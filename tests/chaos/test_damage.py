@@ -54,6 +54,7 @@ def damage(path: Path, how: str) -> None:
         path.write_bytes(bytes([data[0] ^ 1]) + data[1:])
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("how", ["deleted", "cut short", "empty", "flipped", "a folder"])
 def test_any_damaged_blob_is_made_again_when_needed(tmp_path: Path, photo: Path, how: str) -> None:
     whole, _ = run(scene(photo), tmp_path / "store")

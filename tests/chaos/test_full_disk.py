@@ -137,6 +137,7 @@ def test_wherever_a_small_disk_gets_full_the_next_build_is_as_a_clean_one(kib, t
     assert_as_clean(made, clean(made))
 
 
+@pytest.mark.medium
 def test_a_full_disk_for_temporary_files_names_tmpdir(space, small):
     space.write("recipes/say/much.yaml", RECIPE % "scratch")
     answer = space.dxb("build", "say/much", env={"TMPDIR": str(small)})

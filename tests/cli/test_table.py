@@ -67,6 +67,7 @@ def test_nothing_of_a_rule_is_cut_at_80_columns(
     assert told == "Wall thickness of a vessel if the view does not show it [m]."
 
 
+@pytest.mark.medium
 def test_a_table_of_many_columns_puts_the_last_ones_below(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -147,6 +147,7 @@ def test_an_edit_counts_although_the_rule_catches_what_it_can(project):
     assert run(project, known).startswith("DXB-B315")
 
 
+@pytest.mark.medium
 def test_a_module_that_appears_later_is_not_there(project):
     body = "try:\n        from .late import F\n    except ImportError:\n        F = 3"
     (project / "rules/toy/mul.py").write_text(RULE.format(body=body))

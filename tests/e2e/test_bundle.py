@@ -61,6 +61,7 @@ def test_a_result_goes_to_another_project(space, there):
     assert (wrong.code, "is known, but its bytes are not in the store" in wrong.err) == (1, True)
 
 
+@pytest.mark.medium
 def test_a_build_after_an_import_runs_nothing(space, there):
     there.dxb("bundle", "import", bundle(space))
     rows = [line.split("\t")[:2] for line in there.dxb("plan", "say/file").out.splitlines()]

@@ -90,6 +90,7 @@ def copies(space: Space) -> set[str]:
     return {name.split(".")[0] for name in by_bash(space, "dxb why say/words:word[")}
 
 
+@pytest.mark.medium
 def test_copies_are_those_that_a_verb_which_reads_knows(built: Space) -> None:
     assert built.build("say/words", "--set", "start.text=one three").code == 0
     assert copies(built) == {"word\\[one\\]", "word\\[two\\]"}
@@ -129,6 +130,7 @@ def test_settings_say_which_store_is_asked(built: Space) -> None:
     assert by_bash(built, "dxb build say/") == ["say/more", "say/words"]
 
 
+@pytest.mark.medium
 def test_no_rule_is_imported(built: Space) -> None:
     built.write("rules/toy/shout.py", "raise SystemExit('imported')")
     assert by_bash(built, "dxb build say/words:al") == ["all"]

@@ -198,6 +198,7 @@ print("loaded", *[name for name in {names} if name in sys.modules])
 """
 
 
+@pytest.mark.medium
 def test_a_build_that_does_nothing_loads_little(built: Space) -> None:
     words = [sys.executable, "-c", LOADED.format(names=HEAVY), "build", "two", "--console", "none"]
     for _ in range(2):  # the module search path differs from that of the fixture's build
@@ -319,6 +320,7 @@ def test_code_edited_while_a_build_repeats_a_plan_waits_for_the_next_build(built
     assert built.build("wait").nodes("ran") == {"c"}
 
 
+@pytest.mark.medium
 def test_outputs_come_back_as_they_were(built: Space) -> None:
     built.write("rules/toy/empty.py", EMPTY.lstrip())
     built.write("one.txt", "one.txt")

@@ -148,6 +148,7 @@ def test_a_store_in_another_place_is_found_by_the_settings(built: Space, capsys:
     assert capsys.readouterr().err.startswith("say/words is up to date")
 
 
+@pytest.mark.medium
 def test_the_request_that_was_answered_last_is_the_one_that_others_read(
     built: Space, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -181,6 +182,7 @@ def test_paths_are_right_in_every_folder(
     assert all(not path.is_absolute() and path.exists() for path in printed())
 
 
+@pytest.mark.medium
 def test_what_was_forced_or_refused_leaves_no_snapshot(built: Space) -> None:
     for words in (["--force", "all"], ["--locked"], ["--console", "jsonl"], ["--calls", "refresh"]):
         asked = ["build", "say/words", *words]
@@ -206,6 +208,7 @@ def test_no_value_of_a_variable_is_written(built: Space, monkeypatch: pytest.Mon
     assert not [path for path in written if SECRET.encode() in path.read_bytes()]
 
 
+@pytest.mark.medium
 def test_it_loads_next_to_nothing(built: Space) -> None:
     program = "import sys; from dextera_build.cli.main import main; main(); print(*sys.modules)"
     words = [sys.executable, "-c", program, *WORDS]

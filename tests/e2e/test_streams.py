@@ -85,6 +85,7 @@ def test_events_that_cannot_be_printed_are_no_success(slow: Space, to: str, why:
     assert shell(slow, f"dxb build slow --console none {to}").code == 0
 
 
+@pytest.mark.medium
 def test_all_streams_closed(slow: Space) -> None:
     answer = shell(slow, "dxb build slow --console plain <&- >&- 2>&-")
     assert answer.code == 1

@@ -99,6 +99,7 @@ nodes:
 """
 
 
+@pytest.mark.medium
 def test_a_recipe_gives_the_term_to_every_rule_that_simulates(space: Space) -> None:
     add_term(space)
     space.write("recipes/task/more.yaml", MORE)
@@ -129,6 +130,7 @@ def test_demonstrations_in_mujoco_record_the_term(
         runner.run("demonstrate.synthesize", backend="mujoco", **inputs, options={"tries": 1})
 
 
+@pytest.mark.medium
 def test_a_policy_practises_with_the_term_and_acts_by_it(space: Space, tmp_path: Path) -> None:
     add_term(space)
     made_by = {"terms": "terms.palm_to_object", "checkpoint": "learn.ppo"}

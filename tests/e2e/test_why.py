@@ -55,6 +55,7 @@ def built(space):
     return space
 
 
+@pytest.mark.medium
 def test_a_recipe_lists_every_stale_node_with_its_cause(built):
     answer = built.dxb("why", "say/words")
     assert (answer.code, answer.out, answer.err) == (0, "", "say/words is up to date\n")

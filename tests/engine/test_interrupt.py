@@ -94,6 +94,7 @@ def test_ctrl_c_ends_the_workers_and_keeps_what_is_done(tmp_path: Path) -> None:
     assert finish(tmp_path / "store") == []
 
 
+@pytest.mark.medium
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells a process that its parent died")
 def test_workers_of_a_killed_build_end_by_themselves(tmp_path: Path) -> None:
     child, workers = start(tmp_path / "store")

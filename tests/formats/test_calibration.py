@@ -93,6 +93,7 @@ def test_a_file_of_easy_handeye2_is_read(tmp_path):
     assert found.camera == Camera(width=8, height=6, fx=7.0, fy=7.0, cx=3.0, cy=2.0)
 
 
+@pytest.mark.medium
 @settings(max_examples=40)
 @given(values(Calibration))
 def test_the_file_holds_everything(tmp_path_factory, calibration):

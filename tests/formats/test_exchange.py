@@ -73,6 +73,7 @@ def test_every_type_is_read_back_as_it_was_written(kind, data, tmp_path_factory,
     assert digest_of(there_and_back(value, kind, tmp_path_factory.mktemp("out"))) == digest_of(value)
 
 
+@pytest.mark.medium
 def test_a_mesh_is_the_same_surface_after_glb(tmp_path):
     mesh = box_mesh((-0.1, 0.0, 0.0), (0.1, 0.3, 0.5))
     raw = exchange.write(mesh, tmp_path, "shape")

@@ -124,6 +124,7 @@ def test_fitting_brings_the_pictures_near_and_does_not_depend_on_chance() -> Non
         assert not torch.equal(before, after), name
 
 
+@pytest.mark.medium
 def test_the_anchor_holds_gaussians_where_they_began() -> None:
     wanted, start = targets(truth()), opened(moved(truth()), "cpu", 1)
 

@@ -195,6 +195,7 @@ def test_all_terms_find_theta_whatever_the_exposure(light):
     assert np.abs(error(found.pose, TRUE)).max() < 3e-3
 
 
+@pytest.mark.medium
 def test_black_holes_do_not_attract():
     """Trap 21: where G shows nothing it is painted black, and black must not count."""
     rgb, depth = photo()

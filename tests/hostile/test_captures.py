@@ -190,6 +190,7 @@ def test_the_answer_names_the_cause(case, tmp_path):
     assert words in answer(tmp_path, files())
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     "files",
     [

@@ -247,6 +247,7 @@ def results_from_elsewhere(good, data, folder):
     assert entries.read(found.spell()) == found
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("name", sorted(FUZZ))
 @FEW
 @given(data=st.data())

@@ -194,6 +194,7 @@ def test_a_depth_image_that_is_a_pickle_does_not_run(tmp_path):
     assert not (tmp_path / "ran").exists()
 
 
+@pytest.mark.medium
 def test_weights_that_are_a_pickle_do_not_run(tmp_path):
     torch = pytest.importorskip("torch")
     from dextera_build.learning import weights

@@ -183,6 +183,7 @@ def test_an_honest_server_is_believed(tmp_path, share):
     assert len(record.with_status("fetched")) == 6
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("drips", ["entries", "blobs"])
 def test_a_server_that_drips_is_left_alone(tmp_path, share, monkeypatch, drips):
     """A byte now and then keeps every wait short; what is promised must not make it long: the entry says terabytes."""

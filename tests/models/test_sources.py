@@ -46,6 +46,7 @@ def test_files_of_a_repository_come_at_the_commit_that_its_branch_names(tmp_path
     assert not (tmp_path / ".cache").exists()
 
 
+@pytest.mark.medium
 def test_a_gated_repository_says_where_the_token_goes(tmp_path: Path) -> None:
     gated = replace(TINY, gated="its authors ask for a form")
     with serving(Hub(FILES, token="hf_lab")) as hub:

@@ -116,6 +116,7 @@ def test_the_time_of_a_call_is_limited_not_that_of_the_server(toy):
         assert run(toy, "time.sleep(0.6)", timeout_s=1.5)[1] == count + 1
 
 
+@pytest.mark.medium
 def test_an_idle_server_ends_and_the_next_call_starts_another(toy, monkeypatch):
     monkeypatch.setattr(Limits.__init__, "__defaults__", (0.5,))  # `idle_s`
     monkeypatch.setattr(running, "_SPARE_S", 0.0)

@@ -24,6 +24,7 @@ def test_the_registry_names_the_types_of_each_module() -> None:
         assert tuple(sorted({kind.__name__ for kind in (*table.FACTS, *table.PICTURES)})) == registry.MODULES[name]
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_the_picture_of_an_example_shows_something(name: str) -> None:
     from PIL import Image

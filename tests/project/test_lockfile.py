@@ -39,6 +39,7 @@ ONE = Pin("1" * 64, "2" * 64, 3)
 TWO = Pin("4" * 64, "5" * 64, 6)
 
 
+@pytest.mark.medium
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(PINS, NAMED)
 def test_what_is_written_is_read(tmp_path_factory, pins, names):

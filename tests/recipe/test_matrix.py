@@ -143,6 +143,7 @@ SCALARS = st.one_of(
 )
 
 
+@pytest.mark.medium
 @hypothesis.settings(deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow])
 @given(st.dictionaries(st.sampled_from("abc"), st.lists(SCALARS, min_size=1, max_size=3), min_size=1))
 def test_labels_are_addresses_and_tell_copies_apart(lists):

@@ -120,6 +120,7 @@ def test_what_would_fill_memory_or_stack_is_refused(text, message, place):
     assert str(caught.value.where) == place
 
 
+@pytest.mark.medium
 @settings(deadline=None)
 @given(plain_data)
 def test_both_parsers_read_the_same(value):

@@ -70,6 +70,7 @@ def make(tmp_path: Path, mode: str = "mixed", **more: Any) -> tuple[str, Page]:
     return text, Page(text)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("mode", ["mixed", "cached", "cold", "failed"])
 def test_the_page_is_one_valid_offline_file(tmp_path: Path, mode: str) -> None:
     text, page = make(tmp_path, mode)
@@ -196,6 +197,7 @@ def test_events_and_their_lines_give_the_same_page(tmp_path: Path) -> None:
     assert report.build(read, store, tmp_path / "b.html").read_bytes() == a
 
 
+@pytest.mark.medium
 def test_a_log_that_ends_in_the_middle(tmp_path: Path) -> None:
     events, store = fabricate("cold")
     names = [event.kind for event in events]

@@ -59,6 +59,7 @@ def denavit_hartenberg(angles: np.ndarray) -> np.ndarray:
     return pose
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("seed", range(6))
 def test_the_flange_is_where_the_dh_table_says(robot: RobotModel, model: Any, seed: int) -> None:
     angles = np.random.default_rng(seed).uniform(-1.6, 1.6, 7) if seed else np.zeros(7)

@@ -34,6 +34,7 @@ def mirrored(robot: RobotModel, random: np.random.Generator) -> dict[str, float]
     return {**right, **left}
 
 
+@pytest.mark.medium
 def test_each_side_has_seven_joints_and_six_motors(robot: RobotModel, model: Any) -> None:
     for side in ("left", "right"):
         assert sum(name.startswith(side) for name in robot.names("arm")) == 7

@@ -88,6 +88,7 @@ def test_a_hand_alone_is_a_hand(length):
     assert links(made) == {"palm": "base", **tips}
 
 
+@pytest.mark.medium
 def test_a_hand_on_an_arm_begins_where_the_chain_branches():
     found, root = source()
     palm = chain(arm(root), ["mount", "palm"], joints=False)
@@ -163,6 +164,7 @@ def test_a_parallel_gripper_has_one_joint_and_tips_on_its_inner_sides(limits, ax
     np.testing.assert_allclose(np.abs(axis[:, 1]), [0, 1, 0], atol=1e-9)
 
 
+@pytest.mark.medium
 def test_a_linkage_that_one_joint_moves_is_a_gripper_of_its_two_longest_chains():
     found, root = source()
     palm = chain(arm(root), ["palm"], joints=False)

@@ -93,6 +93,7 @@ def write_on(path: str) -> None:
         number += 1
 
 
+@pytest.mark.medium
 def test_a_killed_writer_leaves_all_or_nothing(path: Path) -> None:
     State(str(path)).put("a", dict.fromkeys(ROWS, b"-"))
     dice = random.Random(2)

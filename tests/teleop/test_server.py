@@ -178,6 +178,7 @@ def test_a_message_that_is_too_large_closes_the_connection():
     served(use)
 
 
+@pytest.mark.medium
 def test_old_messages_are_dropped_and_a_flood_is_cut(monkeypatch: pytest.MonkeyPatch):
     async def use(address: str, made: Server, session: Session) -> None:
         async with connect(address + "socket") as page:

@@ -209,6 +209,7 @@ def test_an_object_that_is_taken_away_is_not_said_to_be_tracked():
     assert found[-1]["box"].status == "lost"
 
 
+@pytest.mark.medium
 def test_a_mask_that_is_elsewhere_for_three_frames_resets_the_object():
     """Trap 23: a segmentation that lost its object and took another one must not be believed at once."""
     made = sequence(lambda time: standing(0.0, 0.0, 20), 1.0)

@@ -83,6 +83,7 @@ def test_groups_build_in_the_pool(store: Store, pool: LocalExecutor) -> None:
     assert len(result.nodes) == 4
 
 
+@pytest.mark.medium
 def test_a_node_that_keeps_two_cores_busy_runs_alone_among_two_jobs(store: Store, pool: LocalExecutor) -> None:
     wide = facts(path="tiny.wide", cpus=2)
     names = ("w0", "n0", "w1", "n1", "n2")
@@ -294,6 +295,7 @@ def test_stop_ends_what_runs_at_once() -> None:
     assert not any(alive(pid) for pid in pids)
 
 
+@pytest.mark.medium
 def test_a_worker_that_holds_a_device_goes_when_another_needs_it(store: Store) -> None:
     capacity = Capacity(4, 8.0, (Gpu("a", 8.0), Gpu("b", 8.0)))
     plan = graph(

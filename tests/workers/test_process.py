@@ -107,6 +107,7 @@ with LocalExecutor(HERE, Capacity(1, 4.0)) as pool:
 """
 
 
+@pytest.mark.medium
 def test_a_worker_sees_nothing_of_the_script_that_builds(tmp_path: Path) -> None:
     """The script has no `if __name__ == "__main__"`, and files and threads of its own."""
     (tmp_path / "script.py").write_text(_SCRIPT)

@@ -110,6 +110,7 @@ def answers(pool: LocalExecutor, *tasks: Task) -> list[str]:
     return found
 
 
+@pytest.mark.medium
 def test_the_pool_keeps_models_apart_from_other_work_and_comes_back_to_them() -> None:
     with LocalExecutor(RUNNER, Capacity(1, 4.0)) as pool:
         plain, first, again, between, other, last = answers(

@@ -54,6 +54,7 @@ def points(count: int = 50) -> np.ndarray:
     return np.hstack([plane * depth, depth])
 
 
+@pytest.mark.medium
 @given(brown_conrady() | brown_conrady(rational=True))
 def test_brown_conrady_gives_the_pixels_of_opencv(lens):
     k = np.array([[lens.fx, 0, lens.cx], [0, lens.fy, lens.cy], [0, 0, 1]])
@@ -143,6 +144,7 @@ def test_colmap_reads_the_same_camera(lens):
     assert np.allclose(found[seen] + 0.5, wanted, atol=1e-6)  # COLMAP counts from the image's corner
 
 
+@pytest.mark.medium
 @given(lens=LENSES, suffix=st.sampled_from([".yaml", ".txt"]))
 def test_a_camera_is_read_back_from_its_files(tmp_path_factory, lens, suffix):
     if suffix not in registry.suffixes(type(lens)):

@@ -67,6 +67,7 @@ ARTIFACTS = st.builds(
 PARTS = st.dictionaries(st.sampled_from("xy"), ARTIFACTS, max_size=2)
 
 
+@pytest.mark.medium
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(PARTS, PARTS)
 def test_there_is_a_difference_exactly_where_the_digests_differ(one, two):

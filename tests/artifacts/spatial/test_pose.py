@@ -54,6 +54,7 @@ def pair(kind: type[Any], random: np.random.Generator) -> tuple[Any, Any]:
     )
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("kind", [Pose, Similarity])
 @pytest.mark.parametrize("seed", range(3))
 def test_the_covariance_of_a_composition_is_that_of_samples(kind: type[Any], seed: int) -> None:

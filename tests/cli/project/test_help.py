@@ -24,6 +24,7 @@ def test_an_error_code_says_what_it_means_and_what_to_do(capsys: pytest.CaptureF
     assert said(capsys, "u195") == told
 
 
+@pytest.mark.medium
 def test_a_rule_says_what_it_takes_and_gives(capsys: pytest.CaptureFixture[str]) -> None:
     rows = [line.split("\t") for line in said(capsys, "factorize.mesh").splitlines()]
     assert [row[0] for row in rows[:5]] == ["rule", "input", "input", "input", "output"]

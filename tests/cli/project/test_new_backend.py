@@ -209,6 +209,7 @@ def runner(space: Space, tmp_path: Path) -> RuleRunner:
     return RuleRunner(scratch, space.root, calls=lambda *words, **manner: b"{}")
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("kind", new_backend.KINDS)
 def test_a_backend_of_a_rule_of_the_project_answers_as_its_stub(toy, tmp_path, kind):
     written(toy, "toy.say", kind)

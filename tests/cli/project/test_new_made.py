@@ -66,6 +66,7 @@ def test_wrong_words_are_refused(space, words, says):
     assert says in answer.err
 
 
+@pytest.mark.medium
 def test_a_filled_template_is_a_capture(space, tmp_path):
     answer = space.dxb("new", "capture", "calibration")
     assert answer.out.splitlines() == ["calibration/capture.json", "calibration/README.md"]

@@ -112,6 +112,7 @@ def test_positions_are_rounded_inwards(value, low, high, wanted):
     assert _rounded(value, low, high) == wanted
 
 
+@pytest.mark.medium
 def test_a_recipe_that_hides_one_of_dxbs_is_said(space):
     put(space.root / "robots", {name.replace("arm.urdf", "panda.urdf"): data for name, data in arm().files.items()})
     answer = space.dxb("new", "robot", "robots/arm_description/urdf/panda.urdf")

@@ -59,6 +59,7 @@ def test_a_plain_box_is_not_guessed(runner):
     assert sorted(axis.order for axis in frame.symmetry) == [2, 2, 2]
 
 
+@pytest.mark.medium
 def test_the_photograph_tells_how_a_box_stands_unless_it_stands_on_an_edge(runner):
     lying = transforms.rigid(lie.rotation(np.array([np.pi / 2, 0.0, 0.0])), np.zeros(3))
     placement = Placement(pose=factories.placed(lying), scale=1.0, method="test")

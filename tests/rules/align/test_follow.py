@@ -120,6 +120,7 @@ def still(folder: Path) -> tuple[Video, np.ndarray]:
     return films.film(folder / "a.mp4", 2, [films.box(8, BLUE, lambda n: (60.5, 70.5, 0.0))])
 
 
+@pytest.mark.medium
 def test_the_label_map_of_a_twin_is_a_first_frame(tmp_path: Path) -> None:
     video, true = still(tmp_path)
     first = InstanceMap(labels=true[0].astype(np.int32), fixed=np.zeros(true[0].shape, bool))

@@ -47,6 +47,7 @@ def test_it_runs_on_pictures_of_two_sizes(tmp_path: Path, weights: Path) -> None
     assert len(found.first) <= 60
 
 
+@pytest.mark.medium
 def test_points_are_pixels_of_each_picture(backend: ModuleType) -> None:
     """Trap 20: integer pixel centres survive the change of size, and points of the padding are dropped."""
 

@@ -66,6 +66,7 @@ def test_an_occluder_does_not_pull_the_box_to_the_part_that_is_seen(runner):
     assert worst(BOX, placed) < 0.006
 
 
+@pytest.mark.medium
 def test_a_poor_guess_that_nothing_beats_clearly_is_kept(runner):
     seen = object_views.view(BRACKET, TRUTH)
     poor = factories.pose(0.035, 0.04, 0.0, 0.6)
@@ -75,6 +76,7 @@ def test_a_poor_guess_that_nothing_beats_clearly_is_kept(runner):
     assert placed.method.endswith("gained too little)")
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("scale", "turn"), [(0.1, (0.0, 0.0, 0.0)), (10.0, (1.5708, 0.0, 0.0)), (3.0, (0.5, 1.1, -0.7))]
 )
@@ -95,6 +97,7 @@ def test_unknown_scale_and_orientation_are_found(runner, scale, turn):
     assert found[:, 2].min() == pytest.approx(0.0, abs=0.002)
 
 
+@pytest.mark.medium
 def test_a_handle_decides_the_turn_of_a_mug_of_unknown_size(runner):
     mug = object_views.mesh(object_views.mug())
     large = mug.model_copy(update={"vertices": mug.vertices * np.float32(7.0)})

@@ -46,6 +46,7 @@ def test_place_turn_and_scale_follow_from_the_mask(runner, name):
     assert found.ambiguous == (name in ("bowl", "cup"))
 
 
+@pytest.mark.medium
 def test_what_is_hidden_does_not_pull(runner):
     hidden = np.zeros((240, 320), bool)
     hidden[:, 175:] = True

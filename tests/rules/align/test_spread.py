@@ -107,6 +107,7 @@ def test_an_upright_body_is_certain_of_its_tilt_and_of_nothing_else(model, basis
     assert 1e-4 < size < 0.02
 
 
+@pytest.mark.medium
 def test_noise_fewer_points_and_a_hidden_half_widen_all(runner):
     good = deviations(place(runner, object_views.view(BRACKET, TRUTH, noise_m=0.001)))
     noisy = deviations(place(runner, object_views.view(BRACKET, TRUTH, noise_m=0.008)))

@@ -188,6 +188,7 @@ def test_gravity_of_the_wrong_sign_is_told(runner):
     assert "negate `gravity`" in (caught.value.hint or "")
 
 
+@pytest.mark.medium
 def test_the_base_of_a_robot_tells_what_is_level_if_it_stands_on_a_surface(runner):
     scene = tabletops.tabletop((BOX, factories.pose()), noise=1.0)
     base = transforms.invert(scene.world_from_camera)

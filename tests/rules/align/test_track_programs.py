@@ -111,6 +111,7 @@ def test_symmetries_are_told_by_the_shape():
     assert [len(symmetry.turns(mesh.vertices, mesh.faces)) for mesh in (box, brick, bowl)] == [4, 2, symmetry.ROUND]
 
 
+@pytest.mark.medium
 def test_deaot_follows_labels_by_their_numbers(tmp_path: Path):
     """Trap 18: SAM-Track takes red first. Trap 23: its labels are uint8."""
     pytest.importorskip("av")

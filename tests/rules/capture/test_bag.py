@@ -47,6 +47,7 @@ def given(form: str, place: Path) -> File | Folder:
     return Folder(files=dict(files(folder)))
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("form", ["ros1", "folder sqlite", "folder mcap", "file sqlite", "file mcap"])
 def test_every_form_is_the_same_recording(form, tmp_path):
     found = RuleRunner(tmp_path / "run").run("capture.bag", file=given(form, tmp_path))

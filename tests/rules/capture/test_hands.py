@@ -233,6 +233,7 @@ def test_noisy_landmarks_and_other_axes_are_doubted(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.medium
 def test_a_film_shows_the_hands() -> None:
     pytest.importorskip("av", reason="needs av (extra `learn`)")
     film = runner().run("capture.hands_film", stream=stream(72), options={"rate_hz": 12.0})

@@ -117,6 +117,7 @@ def test_another_order_is_refused_with_what_would_fit(camera_only, robot, tmp_pa
     assert {"a", "b", "c"} >= set(error.facts)
 
 
+@pytest.mark.medium
 def test_wrong_names_are_refused_with_those_that_exist(camera_only, robot, tmp_path):
     error = refused(tmp_path, camera_only, states(names=("joint_a", "joint_b", "joint_c")), robot=robot)
     assert error.facts == {"missing": "a, b, c", "recorded": "joint_a, joint_b, joint_c"}

@@ -86,6 +86,7 @@ def test_episodes_are_what_was_measured_and_sent(tmp_path: Path) -> None:
     assert mixed.parts["robot"].world == "real"
 
 
+@pytest.mark.medium
 def test_a_demonstration_that_another_program_commands_is_an_episode(tmp_path: Path) -> None:
     rig = RuleRunner(tmp_path)
     recording = File(data=robots.demonstration())

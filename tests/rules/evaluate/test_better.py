@@ -58,6 +58,7 @@ def test_its_trials_are_those_of_rollouts(runner, tmp_path):
     assert runner.outcome.line == "open after 2 starts: pushes 2/2 against stops 0/2"
 
 
+@pytest.mark.medium
 def test_the_picture_goes_to_the_policy_that_sees(runner):
     bundle, view = gate.bundle(), gate.view()
     sees = saying(gate.PUSHES, bundle, ("joints", "rgb"), view)

@@ -215,6 +215,7 @@ def test_starts_that_cannot_be_drawn_are_left_out_and_said(runner):
     assert caught.value.facts["reasons"] == "2 x no start of `OpenGate` without collisions was found"
 
 
+@pytest.mark.medium
 def test_the_stub_needs_neither_simulator_nor_network(runner, tmp_path):
     found = runner.run(
         "evaluate.rollouts", profile="stub", bundle=episodes.bundle(), checkpoint=nothing(), options={"trials": 40}

@@ -153,6 +153,7 @@ def test_a_twin_that_is_moved_is_worse(twin: tuple[dict[str, object], Scene], tm
         assert wrong[area]["Depth MAE"] > right[area]["Depth MAE"] + 0.005
 
 
+@pytest.mark.medium
 def test_the_stub_draws_nothing(twin: tuple[dict[str, object], Scene], tmp_path: Path) -> None:
     inputs, world = twin
     found = rows(RuleRunner(tmp_path).run("evaluate.views", backend="stub", scene=world, views=folder(), **inputs))

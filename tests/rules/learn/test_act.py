@@ -133,6 +133,7 @@ def test_labels_are_what_was_meant_and_not_what_was_sent(tmp_path: Path) -> None
     assert learned[0] == learned[1]
 
 
+@pytest.mark.medium
 def test_the_normalisation_comes_from_training_episodes_alone(tmp_path: Path) -> None:
     data = episodes.small(4)
     far = {name: episodes.observed(one, joints=one.joints + np.float32(5.0)) for name, one in data.items.items()}
@@ -196,6 +197,7 @@ def test_the_stub_gives_a_checkpoint_of_the_same_form(tmp_path: Path) -> None:
         load(stub, BUNDLE)
 
 
+@pytest.mark.medium
 def test_it_reports_loss_and_curve(tmp_path: Path) -> None:
     runner = RuleRunner(tmp_path)
     runner.run("learn.act", bundle=BUNDLE, episodes=episodes.small(4), options=dict(ACT.small))

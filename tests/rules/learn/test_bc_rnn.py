@@ -175,6 +175,7 @@ def test_it_learns_what_was_shown(tmp_path: Path) -> None:
     assert miss(made) < 0.1
 
 
+@pytest.mark.medium
 def test_the_same_inputs_give_the_same_bytes(tmp_path: Path) -> None:
     data = episodes.small(4)
     first = learn(tmp_path, data)

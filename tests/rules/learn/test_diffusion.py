@@ -135,6 +135,7 @@ def test_a_trial_repeats_and_every_step_has_other_noise(tmp_path: Path, network:
     assert not np.array_equal(other, first[1])
 
 
+@pytest.mark.medium
 def test_the_executed_steps_begin_at_the_present_one(tmp_path: Path) -> None:
     """The window begins at the oldest observed step, so its first steps are past."""
     made = learn(tmp_path, episodes.small(4), history=3, every=4)
@@ -149,6 +150,7 @@ def test_the_executed_steps_begin_at_the_present_one(tmp_path: Path) -> None:
     np.testing.assert_allclose(normalised, np.tile(np.arange(2.0, 6.0)[:, None], 3), atol=1e-6)
 
 
+@pytest.mark.medium
 def test_actions_stay_within_those_of_the_training(tmp_path: Path) -> None:
     """However the network answers: its range is that of the demonstrations, and not one of normalised numbers."""
     data = episodes.small(4)
@@ -197,6 +199,7 @@ def sample(network: Any, count: int = 2) -> Batch:
     return Batch({name: inputs[name] for name in network.vectors}, torch.zeros(count, 8, 3), keep)
 
 
+@pytest.mark.medium
 def test_steps_far_after_the_end_are_not_learned(tmp_path: Path) -> None:
     made = learn(tmp_path, episodes.small(4))
     network = NETWORK.of_contract(made.contract)
@@ -211,6 +214,7 @@ def test_steps_far_after_the_end_are_not_learned(tmp_path: Path) -> None:
     assert float(loss.detach()) == pytest.approx(float(noise.detach()[:, :6].square().mean()))
 
 
+@pytest.mark.medium
 def test_it_learns_from_pictures_and_from_a_mixture(tmp_path: Path) -> None:
     near = episodes.small(3)
     films = Collection[Film | Pixels](items={"twin": filmed(near), "reference": filmed(near)})
@@ -225,6 +229,7 @@ def test_it_learns_from_pictures_and_from_a_mixture(tmp_path: Path) -> None:
     assert not np.array_equal(first, second)
 
 
+@pytest.mark.medium
 def test_the_stub_gives_a_checkpoint_of_the_same_form(tmp_path: Path) -> None:
     data = episodes.small(4)
     stub, real = learn(tmp_path, data, backend="stub"), learn(tmp_path, data)

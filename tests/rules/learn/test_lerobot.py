@@ -102,6 +102,7 @@ def test_a_killed_training_goes_on_after_its_last_checkpoint(project: Path, data
     assert b"weights of step 8" in made.weights
 
 
+@pytest.mark.medium
 def test_the_second_run_is_told_to_resume(project: Path, data: Folder) -> None:
     refused(project, data, policy={"fault": "exit:7"})
     refused(project, data, policy={"fault": "exit:7"})

@@ -38,6 +38,7 @@ def elsewhere(data: Episodes, offset_rad: float = 0.0) -> Episodes:
     return data.model_copy(update={"items": items, "world": "reference"})
 
 
+@pytest.mark.medium
 def test_every_batch_of_a_mixture_has_exactly_its_share(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     data = mixed(tmp_path, {"twin": 3}, twin=episodes.small(8), reference=elsewhere(episodes.small(2, seed=1)))
     sampled, plain = list[np.ndarray](), Samples.at
@@ -84,6 +85,7 @@ def test_a_policy_may_know_its_world(tmp_path: Path) -> None:
         load(told, BUNDLE.model_copy(update={"kind": "perturbed"}))
 
 
+@pytest.mark.medium
 def test_unpacked_pictures_train_the_same_policy(tmp_path: Path) -> None:
     data = episodes.small(4)
     film = filmed(data)

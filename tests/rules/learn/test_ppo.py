@@ -115,6 +115,7 @@ def test_a_training_leaves_global_generators_as_they_were(tmp_path: Path) -> Non
     assert (np.random.get_state()[1].tolist(), torch.get_rng_state().tolist()) == before
 
 
+@pytest.mark.medium
 def test_a_training_leaves_no_temporary_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = tmp_path / "temporary"
     folder.mkdir()
@@ -164,6 +165,7 @@ def test_a_curriculum_that_is_not_passed_stays_near_the_photograph(tmp_path: Pat
     assert runner.outcome.line.endswith("success while exploring within 25 % of the ranges of starts")
 
 
+@pytest.mark.medium
 def test_threads_do_not_change_the_bytes(tmp_path: Path) -> None:
     options = {"worlds": 3, "steps": 48}
     assert same(learn(tmp_path / "1", **options), learn(tmp_path / "2", threads=3, **options))
@@ -215,6 +217,7 @@ def test_a_damaged_state_begins_anew(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert same(rest, whole)
 
 
+@pytest.mark.medium
 def test_a_full_disk_does_not_end_a_training(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*arguments: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -257,6 +260,7 @@ def test_a_policy_acts_as_it_practised(tmp_path: Path) -> None:
     assert np.array_equal(acted[3::4], practised)
 
 
+@pytest.mark.medium
 def test_a_policy_holds_nothing_of_its_critic(tmp_path: Path) -> None:
     """Its input is the deployable channels alone, so there is no place where privileged numbers could enter."""
     made = learn(tmp_path)

@@ -111,6 +111,7 @@ def test_a_loss_that_is_no_number_ends_the_training(
     assert caught.value.code == "DXB-B378"
 
 
+@pytest.mark.medium
 def test_what_is_missing_is_told(tmp_path: Path, sets: dict[str, Folder]) -> None:
     vla_clones.openvla(tmp_path)
     with pytest.raises(RuleError, match="`base` names no folder with a model") as caught:
@@ -131,6 +132,7 @@ def test_another_form_of_data_is_refused(tmp_path: Path, sets: dict[str, Folder]
         trained(tmp_path, "openpi", Folder(files=info))
 
 
+@pytest.mark.medium
 def test_its_own_server_runs_it(tmp_path: Path, sets: dict[str, Folder]) -> None:
     base = vla_clones.openvla(tmp_path)
     made = trained(tmp_path, "openvla", sets["openvla"], base=str(base), steps=10)

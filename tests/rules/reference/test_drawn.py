@@ -104,6 +104,7 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> World:
     return world(tmp_path_factory.mktemp("drawn"), "apart", backend="stub")
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("pitch", [15.0, 45.0, 90.0])
 @pytest.mark.parametrize("roll", [0.0, 90.0, 180.0])
 def test_the_camera_looks_at_the_middle_from_where_it_is_told(

@@ -54,6 +54,7 @@ def test_beside_the_table_it_stands_on_a_pedestal_that_ends_below_it(tmp_path: P
     assert "pedestal" not in installed(tmp_path, base(0.0, 0.0, 0.0)).fixtures
 
 
+@pytest.mark.medium
 def test_errors_have_the_stated_size_and_follow_from_the_seed(tmp_path: Path) -> None:
     offs = []
     for seed in range(8):

@@ -38,6 +38,7 @@ def test_another_link_called_base_gets_a_name_of_its_own(tmp_path):
     assert any("link `base` is called `base_frame`" in each for each in runner.outcome.warnings)
 
 
+@pytest.mark.medium
 def test_impossible_inertias_are_all_named_and_repaired_on_request(tmp_path):
     text = ARM.replace('izz="0.001"', 'izz="0.1"').replace('izz="0.0001"', 'izz="0"')
     with pytest.raises(RuleError) as caught:
@@ -74,6 +75,7 @@ def test_repaired_moments_are_those_of_a_body_and_no_smaller():
             np.testing.assert_allclose(np.sort(found), possible)  # raised no more than needed
 
 
+@pytest.mark.medium
 def test_a_hand_is_attached_at_a_role_with_its_pose(tmp_path: Path):
     frames = {"flange": {"link": "tool0", "at_m": (0, 0, 0.02), "quaternion": (0, 0, 0, 1)}}
     arm_part = {"file": f"arm/{BARE}"}

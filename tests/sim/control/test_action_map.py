@@ -77,6 +77,7 @@ def test_an_action_beyond_its_limits_is_cut():
     assert palm.targets(far, sent) == pytest.approx(palm.targets(near, sent))
 
 
+@pytest.mark.medium
 def test_a_palm_moves_along_the_axes_of_the_base_and_two_arms_move_apart(tmp_path):
     robot: RobotModel = built("openarm_revo1", tmp_path)
     made = ActionMap(task_bundles.lift().task, robot, "end_effector")

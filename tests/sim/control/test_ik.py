@@ -28,6 +28,7 @@ def drawn(arm: ArmKinematics, seed: int) -> np.ndarray:
     return np.clip(arm.home + random.normal(0, 0.5, len(arm.home)), arm.lower + 0.05, arm.upper - 0.05)
 
 
+@pytest.mark.medium
 def test_forward_kinematics_are_those_of_the_whole_robot(robot: RobotModel, arm: ArmKinematics) -> None:
     """Also with the fingers bent, which the arm's own model does not have."""
     joints = drawn(arm, 1)

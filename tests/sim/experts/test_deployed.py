@@ -67,6 +67,7 @@ def observed(driver: Driver, shift_m: float = 0.0) -> DeployableObservation:
     )
 
 
+@pytest.mark.medium
 def test_it_plans_from_the_measured_place_and_later_sees_the_measured_one(driver: Driver) -> None:
     operator = Watching(driver)
     policy = Deployed(driver, operator)

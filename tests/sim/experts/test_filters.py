@@ -102,6 +102,7 @@ LET_GO = (
 )
 
 
+@pytest.mark.medium
 def test_a_hand_that_does_not_let_go_is_found() -> None:
     kept = run(placing(), [*LIFT[:3], *CARRY])
     assert kept.reason == "not done within 6 s: the object was not released"

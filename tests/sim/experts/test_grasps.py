@@ -70,6 +70,7 @@ def test_nothing_wider_than_the_hand_is_pinched(robot: RobotModel, hand: HandKin
     assert not list(candidates(can(0.15, 0.1), {"pinch": robot.limbs["arm"].grips["pinch"]}, hand))
 
 
+@pytest.mark.medium
 def test_a_wrap_lays_the_object_into_the_palm(robot: RobotModel, hand: HandKinematics) -> None:
     grip = robot.limbs["arm"].grips["wrap"]
     found = list(candidates(can(0.035, 0.19), {"wrap": grip}, hand))

@@ -35,6 +35,7 @@ def test_noise_has_the_declared_spread_and_stays_a_rotation() -> None:
     assert all(abs(np.linalg.det(one.palm[:3, :3]) - 1) < 1e-9 for one in made[:50])
 
 
+@pytest.mark.medium
 def test_correlated_noise_keeps_its_spread_from_the_first_step_on() -> None:
     found = shifts(Noise(position_m=0.01, correlation=0.9), 8000)
     assert found.std() == pytest.approx(0.01, rel=0.15)

@@ -37,6 +37,7 @@ def driver(robot: RobotModel, goal: Goal) -> Driver:
     return Driver(Environment(bundle))
 
 
+@pytest.mark.medium
 def test_a_push_ends_with_the_object_at_its_target_and_begins_behind_it(robot: RobotModel) -> None:
     made = driver(robot, PushGoal(place_m=(0.1, 0.0), yaw_rad=None, upright=(1, 0, 0, 0), tolerance=NEAR))
     legs = Push(made.environment, Reach(robot, "arm"), Slide(0.0, 0.0)).legs(made.state())

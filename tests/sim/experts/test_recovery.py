@@ -67,6 +67,7 @@ def test_displacements_have_the_stated_covariance() -> None:
     assert np.cov(found.T) == pytest.approx(np.diag([0.02**2] * 3 + [0.1**2] * 3), abs=6e-4)
 
 
+@pytest.mark.medium
 def test_without_room_before_the_contact_nothing_is_perturbed(driver: Driver) -> None:
     sources = gantry.demonstrations(driver.environment.bundle, 1)
     (shown,) = sources.items.values()

@@ -36,6 +36,7 @@ def task(robot: RobotModel, side: str, limbs: tuple[str, ...] = ()) -> TaskBundl
     return openarm_tasks.bundle(robot, LiftGoal(height_m=0.1), {"box": box}, "box", limbs=limbs)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("side", SIDES)
 def test_the_nearest_hand_comes_first_unless_the_task_names_one(robot: RobotModel, side: str) -> None:
     other = "left" if side == "right" else "right"

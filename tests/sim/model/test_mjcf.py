@@ -107,6 +107,7 @@ def test_chains_of_joints_and_sliders_agree_with_forward_kinematics() -> None:
     assert loaded.nexclude == 3
 
 
+@pytest.mark.medium
 def test_the_camera_projects_as_the_intrinsics_say() -> None:
     lens = factories.camera(400, 300)
     table = factories.support()

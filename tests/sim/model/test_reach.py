@@ -21,6 +21,7 @@ def robot(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     return built(request.param, tmp_path_factory.mktemp(request.param))
 
 
+@pytest.mark.medium
 def test_no_configuration_is_beyond_it(robot: RobotModel) -> None:
     model = load(robot.model).compile()
     data = mujoco.MjData(model)

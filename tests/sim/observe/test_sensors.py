@@ -48,6 +48,7 @@ def test_a_slow_sensor_holds_its_last_sample():
     assert len(set(found)) == 30
 
 
+@pytest.mark.medium
 def test_errors_have_the_stated_size_and_follow_from_the_seed():
     sensors = {"joints": Sensor(sigma=0.01), "objects": Sensor(sigma=0.002, turn_sigma_rad=0.02)}
     found = shown(sensors, 600)

@@ -108,6 +108,7 @@ def test_every_step_towards_success_is_worth_more(name: str) -> None:
     assert value(task, way, *way[-1], success=True) == pytest.approx(values[-1] + DONE)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("name", WAYS)
 @given(reach=st.floats(0.0, 1e6), pick=st.integers(0, 100))
 def test_values_are_bounded_and_success_is_best(name: str, reach: float, pick: int) -> None:

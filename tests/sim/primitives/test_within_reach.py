@@ -61,6 +61,7 @@ def test_a_container_counts_where_it_stands() -> None:
         within_reach.check(bundle.model_copy(update={"objects": {**bundle.objects, "case": moved}}))
 
 
+@pytest.mark.medium
 def test_of_several_limbs_one_that_reaches_is_enough_unless_all_are_named(tmp_path: Path) -> None:
     robot = built("openarm_revo1", tmp_path)
     box = factories.box_asset(place=factories.pose(0.05, 0.0), mass=0.2)

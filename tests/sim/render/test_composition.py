@@ -91,6 +91,7 @@ def test_thin_gaussians_tint_what_is_behind_them(bodies: composition.Drawn) -> N
     assert np.abs(made / 255 - wanted)[box].max() < 0.5 / 255 + 1e-9
 
 
+@pytest.mark.medium
 def test_the_rasteriser_composes_alike(bodies: composition.Drawn) -> None:
     wp = pytest.importorskip("warp", reason="warp-lang is not installed: extra `warp`")
     from dextera_build.gaussians.fit.camera import FitCamera

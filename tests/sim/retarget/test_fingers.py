@@ -102,6 +102,7 @@ def test_limits_hold_and_followers_keep_their_ratio(hand) -> None:
     assert at_limit > 10
 
 
+@pytest.mark.medium
 def test_a_robot_that_is_the_operator_gets_its_own_tips_back(hand) -> None:
     """Tips of postures of the robot itself, as the tips of an operator of its proportions."""
     robot, limb = hand

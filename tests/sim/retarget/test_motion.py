@@ -33,6 +33,7 @@ def lost(own: HandStream, hand: int, rows: slice) -> HandStream:
     return own.model_copy(update={"positions": positions, "rotations": rotations, "tracking": tracking})
 
 
+@pytest.mark.medium
 def test_each_limb_follows_the_hand_of_its_side(leap: RobotModel, revo: RobotModel) -> None:
     made = stream(60)
     assert {limb: each.side for limb, each in retarget(revo, made).items()} == {"left": "left", "right": "right"}
@@ -120,6 +121,7 @@ def test_where_the_operator_stands_and_looks_does_not_matter(leap: RobotModel) -
     assert np.abs(fixed.palms - one.palms).max() > 0.01
 
 
+@pytest.mark.medium
 def test_targets_do_not_depend_on_later_messages(leap: RobotModel) -> None:
     plain = stream(60)
     positions = plain.positions.copy()
@@ -158,6 +160,7 @@ def test_a_hand_that_turns_about_its_palm_turns_the_palm_in_place(hand: tuple[Ro
     assert transforms.angle(found.palms[0, :3, :3].T @ found.palms[-1, :3, :3]) == pytest.approx(0.04 * 29, abs=1e-3)
 
 
+@pytest.mark.medium
 def test_targets_drive_the_robot_within_its_limits(revo: RobotModel) -> None:
     made = stream(72)
     found, control = retarget(revo, made), PoseControl(revo, 72.0)

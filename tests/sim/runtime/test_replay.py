@@ -142,6 +142,7 @@ def test_objects_are_matched_by_name(twin):
     assert quaternions.to_matrix(twin_case[3:]) == pytest.approx(quaternions.to_matrix(world_case[3:]), abs=1e-5)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("found", [True, False])
 def test_with_a_cell_the_twin_is_set_up_as_its_tracker_sees_the_world(found):
     twin, world = Environment(gate.bundle()), Environment(gate.bundle("reference"))

@@ -217,6 +217,7 @@ def _sizes(environment: Environment) -> np.ndarray:
     return np.log([start.size_scale["box"] for start in drawn])
 
 
+@pytest.mark.medium
 def test_a_less_certain_scale_is_drawn_from_a_wider_range():
     for sigma in (0.01, 0.05):
         sizes = _sizes(_uncertain(sigma))
@@ -260,6 +261,7 @@ def _standing(covariance: np.ndarray | None = MIXED @ MIXED.T, dynamics: float =
     return Environment(bundle.model_copy(update={"base_pose": base, "kind": kind}))
 
 
+@pytest.mark.medium
 def test_errors_of_the_base_spread_as_the_covariance_of_its_pose_says():
     environment, half = _standing(), _standing(dynamics=0.5)
     errors = np.array([environment.draw(seed).base_error for seed in range(400)])

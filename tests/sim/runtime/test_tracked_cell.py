@@ -191,6 +191,7 @@ def test_a_force_needs_fingertips(environment):
     assert caught.value.hint == "leave `force_n` of `limits` out, or add frames `tip_...` to the robot"
 
 
+@pytest.mark.medium
 def test_a_base_has_no_error_beside_that_of_the_cell_s_calibration():
     twin = Environment(gate.bundle())
     start = twin.draw(1).model_copy(update={"base_error": (0.02, 0.0, 0.0, 0.0, 0.0, 0.0)})

@@ -17,6 +17,7 @@ from tests import task_bundles
 WIDE = Reset(position_m=0.03, yaw_rad=0.5, robot_rad=0.01)
 
 
+@pytest.mark.medium
 def test_copies_step_as_each_would_alone_and_begin_anew():
     bundle = task_bundles.close(reset=WIDE)
     together = TaskVectorEnv(bundle, 3, threads=3)

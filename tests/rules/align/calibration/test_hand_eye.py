@@ -171,6 +171,7 @@ def test_a_cause_that_does_not_explain_the_pictures_is_not_named(tmp_path: Path)
     assert "names and order of the joints" in str(error.hint)
 
 
+@pytest.mark.medium
 def test_a_chessboard_that_the_border_cuts_is_told_with_what_is_seen() -> None:
     views, _ = boards.taken(boards.CHESS)
     pixels = next(iter(views.captures.values())).photograph.rgb.pixels

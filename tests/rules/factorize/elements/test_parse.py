@@ -67,6 +67,7 @@ def test_boxes_are_tight(runner, fine):
         assert np.abs(truth - found[name].box).max() <= 4, name
 
 
+@pytest.mark.medium
 def test_equal_things_get_numbers(runner):
     scene = tabletops.tabletop(
         *((tabletops.box(0.07, 0.05, 0.1, RED), factories.pose(x, 0.0, yaw=0.3)) for x in (-0.15, 0.0, 0.15))
@@ -74,6 +75,7 @@ def test_equal_things_get_numbers(runner):
     assert set(interactive(parsed(runner, scene))) == {"red_box", "red_box_2", "red_box_3"}
 
 
+@pytest.mark.medium
 def test_a_laptop_is_one_articulated_thing(runner):
     links = factories.laptop_asset(opening=1.9).body.links
     lid = links["lid"].mesh
@@ -128,6 +130,7 @@ def test_what_stands_on_furniture_is_found(runner):
     assert [element.name for element in found if not element.interactive] == ["fixture", "support"]
 
 
+@pytest.mark.medium
 def test_what_hangs_in_the_air_is_static(runner):
     scene = tabletops.tabletop(
         (tabletops.box(0.1, 0.06, 0.14, RED), factories.pose(-0.12, 0.0, yaw=0.5)),

@@ -101,6 +101,7 @@ def test_without_surroundings_there_is_nothing_to_cut_from() -> None:
     assert np.array_equal(whole(picture(BAR), ~BAR, BAR, 5), ~BAR)
 
 
+@pytest.mark.medium
 @given(shift=st.integers(0, 7))
 def test_the_hidden_part_of_an_outline(shift: int) -> None:
     square = (abs(ROWS - 48) < 10) & (abs(COLUMNS - 64) < 10)

@@ -196,6 +196,7 @@ def test_renaming_an_element_leaves_its_view_alone(runner):
     assert runner.encode(views[0]) == runner.encode(views[1])
 
 
+@pytest.mark.medium
 def test_the_stub_cuts_out_what_stands_apart(runner):
     scene = tabletops.tabletop(
         (tabletops.box(0.1, 0.06, 0.14, RED), factories.pose(-0.16, 0.02, yaw=0.5)),
@@ -206,6 +207,7 @@ def test_the_stub_cuts_out_what_stands_apart(runner):
     assert min(scores(found, scene.labels.labels)) > 0.7
 
 
+@pytest.mark.medium
 def test_boxes_far_from_everything_are_refused(runner):
     scene = tabletops.tabletop((tabletops.bowl(WHITE), factories.pose(0.03, -0.1)))
     support = runner.run("align.support", **factories.shot(scene.capture))

@@ -257,6 +257,7 @@ def test_what_stands_in_front_does_not_shorten_the_box(tmp_path):
     assert np.sort(found.mesh.extent) == pytest.approx([0.08, 0.12, 0.16], abs=0.004)
 
 
+@pytest.mark.medium
 def test_the_texture_shows_the_photograph_on_the_seen_side(tmp_path):
     seen = synthetic.view(synthetic.placed(box(0.1, 0.07, 0.05), 0, 0, 20), synthetic.Eye())
     found = shape_of(seen, tmp_path, hypotheses=("box",))

@@ -28,6 +28,7 @@ def test_a_hull_of_what_was_seen_stands_in(tmp_path):
     assert found.asset_source == "rgbd"
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("count", [12, 30])
 def test_a_dozen_pixels_are_enough(tmp_path, count):
     seen = synthetic.view(BOX, synthetic.Eye())
