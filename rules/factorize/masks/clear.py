@@ -35,6 +35,9 @@ AROUND_PX = 40
 """Distance within which the support's colours are compared [px]."""
 SCRAP = 0.35
 """Fraction of an object's surroundings that is clear if the object is a scrap of a clear thing."""
+MISSING = 0.5
+"""Least fraction of a clear thing without depth, or with that of what is behind. In drawn scenes, bodies whose depth has
+gaps had up to 0.34 where it was chosen."""
 LARGEST_M = 0.4
 """Larger regions without depth are parts of the support [m]."""
 BESIDE = 0.4
@@ -83,7 +86,7 @@ def clear_things(seen: Workspace, masks: Mapping[str, np.ndarray]) -> list[Clear
     for number in range(1, count + 1):
         mask = labels == number
         extent = float(np.ptp(places[mask], axis=0).max())
-        if float(area[mask & odd].sum()) < LEAST_M2 or extent > LARGEST_M:
+        if float(area[mask & odd].sum()) < LEAST_M2 or extent > LARGEST_M or odd[mask].mean() < MISSING:
             continue
         if _is_thick(mask, area) and _ring(mask, taken) <= BESIDE:
             likely.append(mask)

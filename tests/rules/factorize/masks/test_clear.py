@@ -8,10 +8,13 @@ from scipy import ndimage
 
 from dextera_build.artifacts.cameras.camera import Capture
 from dextera_build.testing import RuleRunner
+from rules.factorize.masks import clear
+from rules.factorize.measured import Workspace
 from tests import factories, tabletops
 
 BOX = (tabletops.box(0.1, 0.08, 0.15, (0.8, 0.2, 0.2)), factories.pose(-0.15, 0.0, yaw=0.4))
 GLASS = (tabletops.cylinder(0.035, 0.12, (0.9, 0.9, 0.9)), factories.pose(0.12, 0.0))
+CAN = (tabletops.cylinder(0.035, 0.12, (0.2, 0.3, 0.7)), factories.pose(0.12, 0.0))
 
 
 def with_glass(*, seen_through: float, scrap: bool = False) -> tuple[Capture, np.ndarray]:
@@ -92,3 +95,17 @@ def test_lost_depth_beside_things_or_on_the_bare_table_is_no_thing(tmp_path):
     runner = RuleRunner(tmp_path)
     segmented(runner, factories.rgbd(scene.capture.photograph.rgb.pixels, depth, scene.capture.photograph.camera))
     assert not [text for text in runner.outcome.warnings if "clear or shiny" in text]
+
+
+def test_a_body_that_is_measured_for_the_most_part_is_not_clear(tmp_path):
+    scene = tabletops.tabletop(BOX, CAN, lens=tabletops.FINE)
+    assert scene.capture.measured is not None
+    depth, can = scene.capture.measured.depth.depth.copy(), scene.labels.labels == 2
+    rows, columns = np.indices(can.shape)
+    right = can & (columns > np.nonzero(can)[1].max() - 8)
+    stripes = (rows % 8 < 2) & (scene.labels.labels == 0) & (columns > 300)  # together more than the can
+    depth[(ndimage.binary_dilation(can, iterations=6) & ~can) | right | stripes] = 0.0
+    photograph = scene.capture.photograph
+    support = RuleRunner(tmp_path).run("align.support", **factories.shot(scene.capture))
+    seen = Workspace(photograph, depth, support)
+    assert not clear.clear_things(seen, {"box": scene.labels.labels == 1, "can": can & ~right})
