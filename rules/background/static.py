@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from pydantic import NonNegativeFloat, PositiveFloat
@@ -15,8 +15,7 @@ from dextera_build.artifacts.objects.view import InstanceMap
 from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
-if TYPE_CHECKING:
-    from .behind import Behind
+from .behind import Behind
 
 
 class StaticOptions(Options):
@@ -112,6 +111,6 @@ def _behind(
     photograph: Photograph, depth: np.ndarray, support: Support, hidden: np.ndarray, others: tuple[Further, ...]
 ) -> Behind:
     """What further photographs show of the empty scene; needs OpenCV, which one photograph does not need here."""
-    from .behind import seen_behind
+    from .seen_behind import seen_behind
 
     return seen_behind(photograph, depth, support, hidden, others)

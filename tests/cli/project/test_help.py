@@ -27,7 +27,7 @@ def test_an_error_code_says_what_it_means_and_what_to_do(capsys: pytest.CaptureF
 @pytest.mark.medium
 def test_a_rule_says_what_it_takes_and_gives(capsys: pytest.CaptureFixture[str]) -> None:
     rows = [line.split("\t") for line in said(capsys, "factorize.mesh").splitlines()]
-    assert [row[0] for row in rows[:5]] == ["rule", "input", "input", "input", "output"]
+    assert [row[0] for row in rows[:6]] == ["rule", "input", "input", "input", "input", "output"]
     (wall,) = (row for row in rows if row[1] == "primitives.wall_m")
     assert wall[:5] == ["option", "primitives.wall_m", "float", "0.003", "> 0, <= 0.3"]
     assert wall[5].endswith("[m].")
