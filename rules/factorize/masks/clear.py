@@ -36,8 +36,8 @@ AROUND_PX = 40
 SCRAP = 0.35
 """Fraction of an object's surroundings that is clear if the object is a scrap of a clear thing."""
 MISSING = 0.5
-"""Least fraction of a clear thing without depth, or with that of what is behind. In drawn scenes, bodies whose depth has
-gaps had up to 0.34 where it was chosen."""
+"""Least fraction of a clear thing without depth, or with that of what is behind. Bodies of drawn scenes whose depth has
+gaps had up to 0.34."""
 LARGEST_M = 0.4
 """Larger regions without depth are parts of the support [m]."""
 BESIDE = 0.4
