@@ -76,7 +76,7 @@ def revolved(evidence: Evidence, *, hollow: bool, wall_m: float) -> tuple[Layout
 
 def oval(evidence: Evidence) -> tuple[Layout, Model]:
     """Stacked superellipses with two planes of symmetry: a bottle or a carton with rounded corners."""
-    layout = Layout(knots=int(np.clip(round(evidence.height / 0.018), 5, 12)), oval=True, lid=lidded(evidence))
+    layout = Layout(knots=int(np.clip(round(evidence.height / 0.018), 5, 12)), oval=True)
     facing = float(np.arctan2(-evidence.forward[0], evidence.forward[1]))
     turns = np.deg2rad([0.0, 20.0, -20.0, 40.0, -40.0, 65.0, -65.0, 90.0])
     starts = [_oval_start(evidence, facing + turn, layout) for turn in turns]
@@ -141,4 +141,4 @@ def _oval_start(evidence: Evidence, yaw: float, layout: Layout) -> np.ndarray:
     ratio = 0.7
     depth = float(np.quantile(v, 0.05)) + ratio * float(half.max())
     centre = along * lateral + across * depth
-    return np.array([*centre, yaw, 2.3, evidence.height, *half, *[ratio] * layout.ratios, *[RECESS_M] * layout.lid])
+    return np.array([*centre, yaw, 2.3, evidence.height, *half, *[ratio] * layout.ratios])
