@@ -70,7 +70,7 @@ def workers() -> Iterator[None]:
 
 @pytest.fixture(autouse=True, scope="module")
 def sources_forgotten() -> Iterator[None]:
-    """Sources of a test's own project go with it: each command looks at all that its process read."""
+    """A module's tests leave no sources of their projects behind, which every later command would compare."""
     yield
     for known in (vars(modules)["_READ"], vars(modules)["_PROOFS"]):
         for name in [name for name in known if not name.startswith(HERE)]:

@@ -1,4 +1,4 @@
-"""Open3D is loaded without its viewers, which are there for whoever asks for them."""
+"""Open3D loads without its viewers and imports them on request."""
 
 from __future__ import annotations
 

@@ -34,6 +34,7 @@ class Depths:
     """A depth picture with its pose."""
 
     capture: Capture
+    depth: np.ndarray  # (H, W) float64 [m]; 0 where nothing was measured
     pose: np.ndarray  # (4, 4) T_first_camera
     normals: np.ndarray  # (H, W, 3) camera frame, 0 where unknown
 
@@ -44,13 +45,7 @@ class Depths:
         depth = capture.measured.depth.depth.astype(np.float64)
         inverse = np.where(depth > 0, 1.0 / np.maximum(depth, 1e-9), 0.0)
         tolerance = planes.depth_sigma(depth) * np.square(inverse)
-        return cls(capture, pose, normals.fit(inverse, tolerance).normals(capture.photograph.camera.matrix()))
-
-    @property
-    def depth(self) -> np.ndarray:
-        """(H, W) float64 [m]; 0 where nothing was measured."""
-        assert self.capture.measured is not None
-        return self.capture.measured.depth.depth.astype(np.float64)
+        return cls(capture, depth, pose, normals.fit(inverse, tolerance).normals(capture.photograph.camera.matrix()))
 
     @property
     def k(self) -> np.ndarray:

@@ -71,11 +71,12 @@ def photographs(
         further=", ".join(one.file for one in further.items),
         hint="add its depth, or remove `photographs` from `capture.json`",
     )
-    known, placed, left = [Depths.of(photo, np.eye(4))], dict[str, Further](), list(further.items)
+    known, placed = [Depths.of(photo, np.eye(4))], dict[str, Further]()
     taken = [features_of(photo, options.points)]
+    left = [(one, features_of(one.capture, options.points)) for one in further.items]
     while left:
-        ctx.progress(len(placed), len(further.items), left[0].file)
-        one, points, own, start = _next(ctx, left, known, taken, options)
+        ctx.progress(len(placed), len(further.items), left[0][0].file)
+        one, points, own, start = _next(ctx, left, known, taken)
         if start is not None:
             here, there = _pairs(own, start)
             own = replace(own, pose=refined(own, known, here, there))
@@ -84,18 +85,17 @@ def photographs(
         placed[one.file] = one.model_copy(update={"pose": pose})
         known.append(own)
         taken.append(points)
-        left.remove(one)
+        left = [each for each in left if each[0] is not one]
     ctx.say("; ".join(_where(one) for one in placed.values()))
     return FurtherPhotographs(items=tuple(placed[one.file] for one in further.items))
 
 
 def _next(
-    ctx: Context, left: list[Further], known: list[Depths], taken: list[Features], options: PhotographsOptions
+    ctx: Context, left: list[tuple[Further, Features]], known: list[Depths], taken: list[Features]
 ) -> tuple[Further, Features, Depths, Start | None]:
     """The photograph that is placed next: one with a stated pose, or the one with the most matches."""
     tried: list[tuple[Start, Further, Features]] = []
-    for one in left:
-        points = features_of(one.capture, options.points)
+    for one, points in left:
         starts = [_matched(one.capture, points, *each) for each in zip(known, taken, strict=True)]
         found = [start for start in starts if start is not None and len(start.matches) >= FEWEST]
         if one.pose is not None:
@@ -105,9 +105,9 @@ def _next(
     best = max(tried, key=lambda each: len(each[0].matches), default=None)
     if best is None:
         ctx.fail(
-            f"`{left[0].file}` cannot be placed: it shares no view with the other photographs",
+            f"`{left[0][0].file}` cannot be placed: it shares no view with the other photographs",
             points=f"fewer than {FEWEST} agree on a pose",
-            photographs=", ".join(one.file for one in left),
+            photographs=", ".join(one.file for one, _ in left),
             hint="take it of the same scene, from at most 40 degrees beside another photograph; state its "
             "`T_first_camera` if it is known; or remove it from `photographs`",
         )
