@@ -66,8 +66,8 @@ class MeasuredState:
         self._model.geom_gap[:] = NEAR_M / 2
         self._data = mujoco.MjData(self._model)
         self._hands = Hands(self._model, twin.robot, ROBOT)
+        self._palms = palms.Palms(twin.robot, self._model)
         self._others = catalogue.of(twin.task, twin.objects).others()
-        self._base_from_world = transforms.invert(twin.base_pose.matrix)
         self._bodies = {name: int(self._model.body(name).id) for name in twin.objects}
         self._earlier: deque[tuple[float, dict[str, float], np.ndarray]] = deque()
         self._judge: Judge | None = None
@@ -124,11 +124,8 @@ class MeasuredState:
     def hold(self, measured: Measurement) -> Hold:
         """Poses of the hands, and the objects between their fingers."""
         self._put(measured)
-        palms = {
-            name: self._base_from_world @ self._site(palm)
-            for name, palm in zip(self._hands.names, self._hands.palms, strict=True)
-            if palm >= 0
-        }
+        where = zip(self._hands.names, self._hands.palms, self.palm_poses(measured.joints), strict=True)
+        palms = {name: poses.to_matrix(pose) for name, palm, pose in where if palm >= 0}
         still = np.zeros(len(self._hands.names))
         objects = {}
         for thing, body in self._bodies.items():
@@ -147,17 +144,7 @@ class MeasuredState:
 
     def palm_poses(self, joints: np.ndarray) -> np.ndarray:
         """Poses (L, 7) of the palms in the base at joint positions (A,); the identity if there is no palm."""
-        pose_robot(self._twin.robot, self._data, joints)
-        mujoco.mj_kinematics(self._model, self._data)
-        found = np.tile([0.0, 0, 0, 1, 0, 0, 0], (len(self._hands.palms), 1))
-        for row, palm in zip(found, self._hands.palms, strict=True):
-            if palm >= 0:
-                row[:] = poses.from_matrix(self._base_from_world @ self._site(palm))
-        return found
-
-    def _site(self, number: int) -> np.ndarray:
-        data = self._data
-        return transforms.rigid(data.site_xmat[number].reshape(3, 3).copy(), data.site_xpos[number].copy())
+        return np.asarray(self._palms(joints[None])[0])
 
     def _put(self, measured: Measurement) -> None:
         """Set robot and objects to the measured state."""
