@@ -27,6 +27,10 @@ FACING = 0.3
 pair."""
 NEAR_M = 0.02
 """Distance at which two surfaces agree [m]."""
+WIDE = 0.08
+"""Least fraction of the points on a plane that is a table, a floor or a wall."""
+FEWEST = 50
+"""Fewer points on no such plane tell nothing."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +67,8 @@ class Agreement:
     """Fraction of these whose surface is within `NEAR_M`."""
     residual_m: float
     """Median distance of the latter from the surface [m]."""
+    things: float
+    """As `same`, of points on no large plane, which also tell a motion along table and walls; 1 without such points."""
 
 
 def refined(own: Depths, others: Sequence[Depths], here: np.ndarray, there: np.ndarray) -> np.ndarray:
@@ -118,7 +124,18 @@ def agreement(own: Depths, others: Sequence[Depths]) -> Agreement:
         apart = np.where(here, np.minimum(apart, np.abs(local[:, 2] - shown)), apart)
     same = met & (apart < NEAR_M)
     residual = float(np.median(apart[same])) if same.any() else float("inf")
-    return Agreement(float(met.mean()), float(same.sum() / max(1, met.sum())), residual)
+    loose = met & _loose(points)
+    things = float(same[loose].mean()) if loose.sum() >= FEWEST else 1.0
+    return Agreement(float(met.mean()), float(same.sum() / max(1, met.sum())), residual, things)
+
+
+def _loose(points: np.ndarray) -> np.ndarray:
+    """Which of the points (N, 3) are on no large plane."""
+    left, rng = np.arange(len(points)), np.random.default_rng(0)
+    least = max(3, int(WIDE * len(points)))
+    while found := planes.largest(points[left], planes.depth_sigma(points[left, 2]), rng, least=least):
+        left = left[~found[1]]
+    return np.isin(np.arange(len(points)), left)
 
 
 def _sample(own: Depths) -> tuple[np.ndarray, np.ndarray]:

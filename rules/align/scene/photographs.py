@@ -42,6 +42,8 @@ class PhotographsOptions(Options):
     """Minimum fraction of a photograph whose place in another one is seen."""
     least_same: Fraction = 0.5
     """Minimum fraction of these places where both show the same surface."""
+    least_things: Fraction = 0.35
+    """The same of places on no table, floor or wall, which alone tell a motion along them."""
 
 
 @rule(
@@ -155,6 +157,7 @@ def _tell(
     facts = {
         "overlap": f"{found.overlap:.0%} of it, {options.least_overlap:.0%} needed",
         "agree": f"{found.same:.0%} of that within 2 cm, {options.least_same:.0%} needed",
+        "things": f"{found.things:.0%} of what is on no table or wall, {options.least_things:.0%} needed",
     }
     if start is not None and abs(start.pose.scale - 1.0) > options.most_scale:
         ctx.fail(
@@ -163,7 +166,8 @@ def _tell(
             hint="its depth has another unit, or it was taken with another focal length: all photographs need the "
             "intrinsics and `depth_scale_m` of `capture.json`",
         )
-    if found.overlap < options.least_overlap or found.same < options.least_same:
+    few = found.same < options.least_same or found.things < options.least_things
+    if few or found.overlap < options.least_overlap:
         stated = "its stated pose" if start is None else "what it shows"
         ctx.fail(
             f"`{name}` contradicts the other photographs: {stated} does not fit their depth",
