@@ -41,6 +41,8 @@ MOST_SHADE = 1.08
 """Gain of what a further photograph shows above which it lies in a shadow."""
 MOST_GAIN = 1.6
 """Maximum gain when removing shadows and reflections."""
+TEXTURE = 0.95
+"""Part of the surface away from objects whose differences from the smooth illumination are its texture."""
 
 
 class PlanesOptions(Options):
@@ -169,7 +171,8 @@ def _alike(flat: np.ndarray, level: np.ndarray, free: np.ndarray, sigma: float) 
 def _gain(flat: np.ndarray, gap: np.ndarray, source: np.ndarray, shown: np.ndarray, reach: float) -> np.ndarray:
     """Gains (H, W, 3) that remove shadows and coloured reflections around `gap`, and in it where it is `shown`.
 
-    They extend the smooth illumination from beyond `reach` [px] up to the gap.
+    They extend the smooth illumination from beyond `reach` [px] up to the gap. A colour that differs from it by no more
+    than the surface's own texture does elsewhere is no shadow.
     """
     away = cv2.distanceTransform((~gap).astype(np.uint8), cv2.DIST_L2, 5)
     rest = source & (away > reach)
@@ -177,7 +180,11 @@ def _gain(flat: np.ndarray, gap: np.ndarray, source: np.ndarray, shown: np.ndarr
         return np.ones_like(flat)
     light = smooth_part(flat, rest, reach / 4)
     local = _stepped(flat, source | shown, reach / 8)
-    gain = np.clip(light / np.maximum(local, 1.0), 1.0 / MOST_GAIN, MOST_GAIN)
+    ratio = np.log(np.maximum(light, 1.0) / np.maximum(local, 1.0))
+    apart = np.abs(ratio).max(axis=-1, keepdims=True)
+    own = float(np.quantile(apart[rest], TEXTURE))
+    ratio *= np.clip((apart - own) / max(0.5 * own, 1e-6), 0.0, 1.0)
+    gain = np.clip(np.exp(ratio), 1.0 / MOST_GAIN, MOST_GAIN)
     weight = np.clip(2.0 * (1.0 - away / reach), 0.0, 1.0)
     # Avoid steps at the view's border and at unknown surface.
     rim = np.pad((source | gap)[1:-1, 1:-1], 1).astype(np.uint8)
