@@ -38,6 +38,12 @@ def rays(height: int, width: int, k: np.ndarray) -> np.ndarray:
     return backproject(np.ones((height, width)), k)
 
 
+def directions(pixels: np.ndarray, k: np.ndarray) -> np.ndarray:
+    """Directions (..., 3) with z = 1 of the rays through pixels (..., 2), column and row."""
+    places = (pixels - [k[0, 2], k[1, 2]]) / [k[0, 0], k[1, 1]]
+    return np.concatenate([places, np.ones((*places.shape[:-1], 1))], axis=-1)
+
+
 def look_at(eye: np.ndarray, target: np.ndarray) -> np.ndarray:
     """T_world_camera (4, 4) of a camera at `eye` that looks at `target`, (3,) each [m]; image right is horizontal.
 

@@ -44,7 +44,14 @@ def bounded(layers: Layers, photograph: Photograph, support: Support) -> Layers:
 
 
 def survey(
-    pixels: np.ndarray, depth: np.ndarray, behind: np.ndarray, camera: Camera, support: Support, step_m: float
+    pixels: np.ndarray,
+    depth: np.ndarray,
+    behind: np.ndarray,
+    taken: np.ndarray,
+    beyond: np.ndarray,
+    camera: Camera,
+    support: Support,
+    step_m: float,
 ) -> Scenery:
     """Divide the empty scene into surfaces.
 
@@ -52,13 +59,15 @@ def survey(
         pixels: (H, W, 3) uint8, without objects.
         depth: (H, W) [m]; 0 if unknown or removed.
         behind: (H, W) pixels of the support, visible or hidden by objects.
+        taken: (H, W) removed pixels off the support that no photograph shows.
+        beyond: (H, W) those at which the support goes on if nothing else does.
         camera: Intrinsics [px].
         support: Its plane.
         step_m: Surfaces farther apart in depth are not joined [m].
     """
     pose, k = support.camera_pose.matrix, camera.matrix()
     plane = pose[2, :3], float(pose[2, 3])
-    labels, patches = divide(pixels, depth, k, broad(behind), plane, step_m)
+    labels, patches = divide(pixels, depth, k, broad(behind), plane, taken, beyond, step_m)
     return Scenery(pixels, labels, patches, k, pose)
 
 
@@ -106,8 +115,9 @@ def furnished(
     edge = outline(scenery, support.polygon, layers.hole)
     box = support_box(edge, common.margin_m, common.thickness_m)
     inside = np.isfinite(layers.plane) & regions.inside_convex(layers.floor, edge)
+    inside |= layers.beyond & ~layers.behind
     seen = scenery.points_of(SUPPORT)
-    # Pixels classified as support beyond its outline belong to the room, at any depth.
+    # Other pixels classified as support beyond its outline belong to the room, at any depth.
     scenery = replace(scenery, labels=np.where((scenery.labels == SUPPORT) & ~inside, 0, scenery.labels))
     room = enclose(scenery, edge, box.yaw)
     wider, behind = continued(scenery, room, stride)

@@ -18,6 +18,10 @@ RIM_M = 0.01
 """Pixels closer than this to the support's outline do not count as neighbours [m]."""
 SAME_COLOUR = 30.0
 """Colour distance from the smooth support below which unmeasured pixels are support, of 255."""
+FARTHEST = 2.0
+"""Reach of the support's continuation behind removed pixels where no other surface is, relative to that elsewhere."""
+GROWTH = 4
+"""How often this continuation is compared with the colours of what was found of it."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,7 @@ class Layers:
     level: np.ndarray  # bool, measured in the support's plane
     elsewhere: np.ndarray  # bool, measured off the support
     behind: np.ndarray  # bool, support, visible or hidden
+    beyond: np.ndarray  # bool, hidden pixels at which the support goes on if no other surface does
 
 
 def split(photograph: Photograph, depth: np.ndarray, support: Support, hole: np.ndarray, tolerance: float) -> Layers:
@@ -37,7 +42,8 @@ def split(photograph: Photograph, depth: np.ndarray, support: Support, hole: np.
 
     Inside the outline of the points measured in the support's plane, hidden pixels are support. Beyond it, up to half
     its extent, a hidden pixel takes the class of the nearest visible one: another surface if measured as such or of
-    a different colour (the support ends here), otherwise support (only its measurement ends).
+    a different colour (the support ends here), otherwise support (only its measurement ends). A hidden pixel of no
+    other surface is support, too, where visible pixels of gradually changing colours show that it goes on.
 
     Args:
         photograph: The picture.
@@ -63,7 +69,26 @@ def split(photograph: Photograph, depth: np.ndarray, support: Support, hole: np.
     outside = ~hole & ~regions.inside_convex(floor, outline, RIM_M)
     alike = outside & ~elsewhere & coloured_like(photograph.rgb.pixels, level & around)
     goes_on = around & _nearer(_wide(alike), outside & ~alike)
-    return Layers(hole, plane, floor, level, elsewhere, np.asarray(~elsewhere & (inside | goes_on)))
+    behind = np.asarray(~elsewhere & (inside | goes_on))
+    far = finite & regions.inside_convex(floor, support.polygon, FARTHEST * reach)
+    alike = _wide(outside & _joined(photograph.rgb.pixels, level & around, far & ~elsewhere & ~hole))
+    points = np.concatenate([outline, floor[alike][:: max(1, int(alike.sum()) // 20_000)]])
+    beyond = hole & far & (_nearer(alike, outside & ~alike) | regions.inside_convex(floor, _outline(points)))
+    return Layers(hole, plane, floor, level, elsewhere, behind, np.asarray(beyond))
+
+
+def _joined(pixels: np.ndarray, level: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Pixels (H, W) of `free` that continue the support beyond its measured part `level` (H, W).
+
+    Its light changes with the distance, so its continuation is compared with the colours of what was found of it.
+    """
+    found = free & coloured_like(pixels, level)
+    for _ in range(GROWTH):
+        _, labels = cv2.connectedComponents((level | found).astype(np.uint8), connectivity=4)
+        near = np.zeros(int(labels.max()) + 1, bool)
+        near[labels[level]] = True
+        found |= free & coloured_like(pixels, level | (found & near[labels]))
+    return np.asarray(found)
 
 
 def apart(layers: Layers, own: np.ndarray) -> Layers:

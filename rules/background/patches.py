@@ -16,7 +16,7 @@ from .synthesis import membrane
 LEAST = 0.0005
 """Smaller surfaces, as a fraction of the picture, are merged with their neighbours."""
 FLAT = 0.012
-"""Minimum fraction of the picture that a plane covers."""
+"""Minimum fraction of the picture that a plane, and a surface that goes on far behind removed pixels, covers."""
 PIECE = 0.004
 """Minimum fraction of the picture that a connected piece of a plane covers."""
 BLUR = 0.003
@@ -37,11 +37,14 @@ def divide(
     k: np.ndarray,
     support: np.ndarray,
     plane: planes.Plane,
+    taken: np.ndarray,
+    beyond: np.ndarray,
     step_m: float,
 ) -> tuple[np.ndarray, list[Patch]]:
     """Surfaces of the empty scene: labels (H, W) int32, and a patch for each label, the support first.
 
-    Unmeasured pixels go to a neighbouring surface, along the picture's edges.
+    Unmeasured pixels go to a neighbouring surface, along the picture's edges; removed ones of which nothing tells the
+    surface to the support, if it may go on there, or to the nearest other large one.
 
     Args:
         pixels: (H, W, 3) uint8 photograph without objects.
@@ -49,6 +52,8 @@ def divide(
         k: (3, 3) intrinsics [px].
         support: (H, W) pixels of the support.
         plane: The support's plane in the camera frame.
+        taken: (H, W) removed pixels.
+        beyond: (H, W) those at which the support may go on.
         step_m: Maximum depth difference where surfaces join [m].
     """
     soft = np.where(support, 0.0, smoothed(depth)).astype(np.float32)
@@ -71,10 +76,15 @@ def divide(
     depths = np.where(support, _plane_depth(plane, k, labels.shape), soft)
     labels = _grown(pixels, np.where(_doubtful(labels, depths, step_m), 0, labels).astype(np.int32))
     broad = [n for n, flat in found.items() if flat is not None and (measured == n).sum() >= BROAD * measured.size]
-    labels = _without_void(labels, measured, [n for n in broad if n != SUPPORT])
+    walls = np.isin(measured, [n for n in broad if n != SUPPORT])
+    labels = _without_void(labels, measured, walls)
     # The support is continued where its colours match; a floor without depth has another colour.
     strange = (labels == SUPPORT) & (measured != SUPPORT) & ~coloured_like(pixels, measured == SUPPORT, STRANGE)
     labels = np.where(strange & (_away(measured == SUPPORT) > 2 * BLUR), 0, labels).astype(np.int32)
+    labels = np.where(beyond & (labels == 0), SUPPORT, labels).astype(np.int32)
+    large = np.isin(measured, [n for n in found if n != SUPPORT and (measured == n).sum() >= FLAT * measured.size])
+    if large.any():
+        labels = np.where(taken & (labels == 0), _nearest(measured, large), labels).astype(np.int32)
     return labels, [_patch(number, flat, labels, measured, soft) for number, flat in found.items()]
 
 
@@ -125,10 +135,11 @@ def _away(mask: np.ndarray) -> np.ndarray:
     return np.asarray(cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 3) / mask.shape[1])
 
 
-def _without_void(labels: np.ndarray, measured: np.ndarray, broad: list[int]) -> np.ndarray:
+def _without_void(labels: np.ndarray, measured: np.ndarray, walls: np.ndarray) -> np.ndarray:
     """Labels without wide unmeasured regions, whose surface is unknown.
 
-    Regions wider than the adjacent surface are assigned to a broad plane nearby, such as a screen to its wall.
+    Regions wider than the adjacent surface are assigned to a broad plane nearby, whose pixels are `walls` (H, W), such
+    as a screen to its wall.
     """
     away = _away(measured > 0)
     core = away > GAP
@@ -139,16 +150,20 @@ def _without_void(labels: np.ndarray, measured: np.ndarray, broad: list[int]) ->
     np.maximum.at(radius, measured.reshape(-1), inner.reshape(-1))
     # The distance from the border to the middle is half the surface's width.
     far = (away > 2 * radius[labels]) & (labels != SUPPORT)
-    walls = np.isin(measured, broad)
     if not walls.any():
         return np.where((wide | far) & (away > 2 * BLUR), 0, labels).astype(np.int32)
+    wall = np.where(_away(walls) <= GAP, _nearest(measured, walls), 0)
+    return np.where(away <= 2 * BLUR, labels, np.where(wide, 0, np.where(far, wall, labels))).astype(np.int32)
+
+
+def _nearest(labels: np.ndarray, where: np.ndarray) -> np.ndarray:
+    """The label (H, W) of the nearest pixel of `where` (H, W)."""
     _, nearest = cv2.distanceTransformWithLabels(
-        (~walls).astype(np.uint8), cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
+        (~where).astype(np.uint8), cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
     )
     owner = np.zeros(int(nearest.max()) + 1, np.int32)
-    owner[nearest[walls]] = measured[walls]
-    wall = np.where(_away(walls) <= GAP, owner[nearest], 0)
-    return np.where(away <= 2 * BLUR, labels, np.where(wide, 0, np.where(far, wall, labels))).astype(np.int32)
+    owner[nearest[where]] = labels[where]
+    return np.asarray(owner[nearest])
 
 
 def _patch(

@@ -38,9 +38,12 @@ BACKEND = Backend(
 SOFT = 0.006
 """Width next to a mask, as a fraction of the picture's width, in which pixels mix the colours of both sides."""
 MOST_SHADE = 1.08
-"""Gain of what a further photograph shows above which it lies in a shadow."""
+"""Gain of what a further photograph shows above which it lies in a shadow; a surface has a coarse pattern if it needs
+a larger one elsewhere."""
 MOST_GAIN = 1.6
 """Maximum gain when removing shadows and reflections."""
+TEXTURE = 0.95
+"""Part of the surface away from objects whose differences from the smooth illumination are its pattern."""
 
 
 class PlanesOptions(Options):
@@ -92,15 +95,18 @@ def clean(
         image, empty = np.where(known[..., None], behind.pixels, image), np.where(known, behind.depth, empty)
         flat = _flat(photograph, behind.depth, support, options)
         layers = replace(layers, behind=np.where(known, flat, layers.behind))
-    if (taken & layers.behind).any():
-        image = _fill_support(image, layers, own, known, photograph.camera, support, options)
+    bare = taken & ~layers.behind & ~known
+    beyond = bare & layers.beyond
+    whole = replace(layers, behind=layers.behind | beyond)
+    if (taken & whole.behind).any():
+        image = _fill_support(image, whole, own, known, photograph.camera, support, options)
     pixels = np.clip(np.round(image), 0, 255).astype(np.uint8)
     # The support's outline is known to a few pixels only: its colour must not bleed into the surfaces behind it.
     rim = np.ones((2 * max(1, round(0.01 * taken.shape[1])) + 1,) * 2, np.uint8)
-    near = cv2.dilate(layers.behind.astype(np.uint8), rim) > 0
-    pixels = _inpaint(pixels, taken & ~layers.behind & ~known, near)
-    scenery = survey(pixels, empty, layers.behind, photograph.camera, support, options.step_m)
-    scenery = replace(scenery, pixels=walls.filled(scenery, taken & ~layers.behind & ~known))
+    near = cv2.dilate(whole.behind.astype(np.uint8), rim) > 0
+    pixels = _inpaint(pixels, bare & ~beyond, near)
+    scenery = survey(pixels, empty, layers.behind, bare, beyond, photograph.camera, support, options.step_m)
+    scenery = replace(scenery, pixels=walls.filled(scenery, bare))
     things = seen_of(instances.labels > 0, depth, photograph.camera, support)
     stride = max(1.0, options.stride * photograph.camera.width)
     feet = feet_of(instances.labels, depth, photograph.camera, support)
@@ -169,7 +175,8 @@ def _alike(flat: np.ndarray, level: np.ndarray, free: np.ndarray, sigma: float) 
 def _gain(flat: np.ndarray, gap: np.ndarray, source: np.ndarray, shown: np.ndarray, reach: float) -> np.ndarray:
     """Gains (H, W, 3) that remove shadows and coloured reflections around `gap`, and in it where it is `shown`.
 
-    They extend the smooth illumination from beyond `reach` [px] up to the gap.
+    They extend the smooth illumination from beyond `reach` [px] up to the gap. On a surface with a coarse pattern, a
+    colour that differs from it by no more than the pattern does elsewhere is no shadow.
     """
     away = cv2.distanceTransform((~gap).astype(np.uint8), cv2.DIST_L2, 5)
     rest = source & (away > reach)
@@ -177,7 +184,12 @@ def _gain(flat: np.ndarray, gap: np.ndarray, source: np.ndarray, shown: np.ndarr
         return np.ones_like(flat)
     light = smooth_part(flat, rest, reach / 4)
     local = _stepped(flat, source | shown, reach / 8)
-    gain = np.clip(light / np.maximum(local, 1.0), 1.0 / MOST_GAIN, MOST_GAIN)
+    ratio = np.log(np.maximum(light, 1.0) / np.maximum(local, 1.0))
+    apart = np.abs(ratio).max(axis=-1, keepdims=True)
+    own = float(np.quantile(apart[rest], TEXTURE))
+    if own > np.log(MOST_SHADE):
+        ratio *= np.clip((apart - own) / (0.5 * own), 0.0, 1.0)
+    gain = np.clip(np.exp(ratio), 1.0 / MOST_GAIN, MOST_GAIN)
     weight = np.clip(2.0 * (1.0 - away / reach), 0.0, 1.0)
     # Avoid steps at the view's border and at unknown surface.
     rim = np.pad((source | gap)[1:-1, 1:-1], 1).astype(np.uint8)

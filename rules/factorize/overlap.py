@@ -30,6 +30,13 @@ def around(boxes: Sequence[Box]) -> Box:
     return min(left), min(top), max(right), max(bottom)
 
 
+def inwards(mask: np.ndarray) -> np.ndarray:
+    """Distance (H, W) of each pixel of a mask (H, W) bool to its outside, where the picture ends as well [px]."""
+    from scipy import ndimage
+
+    return np.asarray(ndimage.distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1])
+
+
 def crop(mask: np.ndarray, margin: int) -> tuple[slice, slice]:
     """Rows and columns of a picture that contain a mask (H, W) bool with a margin [px]."""
     left, top, right, bottom = box_of(mask)

@@ -38,14 +38,18 @@ class Fill(NamedTuple):
     elsewhere: float
 
 
+def photographs(names: list[str]) -> list[Path]:
+    """Folders of the photographs with depth that lie outside the project; `names` of them, or all."""
+    found = sorted([*(SHARED / "captures").iterdir(), *(SHARED / "faults").iterdir()])
+    return [path for path in found if (path / "depth.png").is_file() and (not names or path.name in names)]
+
+
 def main(names: list[str]) -> None:
     """One row per photograph."""
-    found = sorted([*(SHARED / "captures").iterdir(), *(SHARED / "faults").iterdir()])
-    chosen = [path for path in found if (path / "depth.png").is_file() and (not names or path.name in names)]
     print(
         "| photograph | taken out [%] | no depth [%] | beside one [%] | step | elsewhere |\n|---|---|---|---|---|---|"
     )
-    for path in chosen:
+    for path in photographs(names):
         with tempfile.TemporaryDirectory() as folder:
             try:
                 fill = filled(RuleRunner(Path(folder)), path)

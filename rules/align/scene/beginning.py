@@ -10,7 +10,7 @@ import numpy as np
 from dextera_build.artifacts.cameras.camera import Camera, Capture
 from dextera_build.artifacts.cameras.image import Image
 from dextera_build.artifacts.cameras.matches import Matches
-from dextera_build.geometry import transforms
+from dextera_build.geometry import cameras, transforms
 from dextera_build.geometry.photo_terms import Drawn
 from dextera_build.geometry.scene_alignment import Render
 from dextera_build.geometry.scene_pose import ScenePose
@@ -137,9 +137,7 @@ def _anchored(pairs: Matches, drawn: Drawn, place: np.ndarray, capture: Capture,
     made = sampled(np.where(drawn.solid, drawn.depth, 0.0), pairs.first)
     measured = sampled(capture.measured.depth.depth.astype(np.float64), pairs.second)
     on = made > 0
-    column, row = pairs.first[on].T
-    k = lens.matrix()
-    local = np.stack([(column - k[0, 2]) / k[0, 0], (row - k[1, 2]) / k[1, 1], np.ones(len(row))], axis=1)
+    local = cameras.directions(pairs.first[on], lens.matrix())
     anchors = transforms.apply(place, local * made[on, None])
     return Correspondences(anchors, pairs.second[on], measured[on])
 

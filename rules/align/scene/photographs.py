@@ -10,7 +10,7 @@ from pydantic import PositiveFloat, PositiveInt
 from dextera_build.artifacts.cameras.camera import Capture
 from dextera_build.artifacts.cameras.further import Further, FurtherPhotographs
 from dextera_build.artifacts.spatial.pose import Pose
-from dextera_build.geometry import transforms
+from dextera_build.geometry import cameras, transforms
 from dextera_build.geometry.photo_terms import Drawn
 from dextera_build.rule import ROUNDING, Context, Fraction, Options, Tolerance, rule
 
@@ -145,9 +145,7 @@ def _pairs(own: Depths, start: Start) -> tuple[np.ndarray, np.ndarray]:
     """Matched points (M, 3) in the camera's frame and in that of the first one [m]."""
     measured = start.matches.depths > 0
     pixels, depths = start.matches.pixels[measured], start.matches.depths[measured]
-    k = own.k
-    plane = (pixels - [k[0, 2], k[1, 2]]) / [k[0, 0], k[1, 1]]
-    return np.column_stack([plane * depths[:, None], depths]), start.matches.anchors[measured]
+    return cameras.directions(pixels, own.k) * depths[:, None], start.matches.anchors[measured]
 
 
 def _tell(

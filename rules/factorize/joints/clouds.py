@@ -157,7 +157,7 @@ def _edge(
     near = np.abs(inverse - fitted.c[rows, columns]) < 0.1 * fitted.c[rows, columns]
     z = 1.0 / np.where(near, inverse, fitted.c[rows, columns])
     u, v = columns + np.where(near, lost * out[:, 1], 0.0), rows + np.where(near, lost * out[:, 0], 0.0)
-    return np.stack([(u - k[0, 2]) / k[0, 0] * z, (v - k[1, 2]) / k[1, 1] * z, z], axis=1)
+    return cameras.directions(np.stack([u, v], axis=1), k) * z[:, None]
 
 
 def _border(points: np.ndarray, inner: Cloud, around: int = 10) -> Cloud:

@@ -15,7 +15,7 @@ from dextera_build.geometry import cameras, regions, transforms
 from dextera_build.geometry.regions import box_of
 
 from ..measured import Workspace
-from ..overlap import Box
+from ..overlap import Box, inwards
 from ..regions import proposals
 from ..regions.heights import least_height
 
@@ -133,9 +133,8 @@ def _ring(mask: np.ndarray, other: np.ndarray) -> float:
 
 
 def _is_thick(mask: np.ndarray, area: np.ndarray) -> bool:
-    from scipy import ndimage
 
-    inside = float(ndimage.distance_transform_edt(np.pad(mask, 1)).max())
+    inside = float(inwards(mask).max())
     return inside * float(np.sqrt(np.median(area[mask]))) > THICK_M
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from dextera_build.geometry import regions
 
-from ..overlap import crop
+from ..overlap import crop, inwards
 from ..regions import proposals
 from ..regions.heights import Relief
 from . import fattening
@@ -116,9 +116,7 @@ def bays(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.ndarra
 
 def core(mask: np.ndarray) -> np.ndarray:
     """Pixels (H, W) bool so far inside that their depth is the object's own; the whole mask where it is too thin."""
-    from scipy import ndimage
-
-    inside = ndimage.distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1] > SURE
+    inside = inwards(mask) > SURE
     return np.asarray(inside if inside.sum() >= LEAST_CORE * mask.sum() else mask)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from dextera_build.artifacts.objects.view import Seen
 
+from ..overlap import inwards
 from ..regions.heights import least_height
 from ..regions.proposals import colour_lab
 from ..regions.relations import histogram
@@ -35,7 +36,7 @@ def why_speck(seen: Seen) -> str:
     depth = seen.depth.astype(np.float64)
     own = seen.mask & (depth > 0)
     side = depth / float(np.sqrt(seen.k[0, 0] * seen.k[1, 1]))
-    inside = float(ndimage.distance_transform_edt(np.pad(seen.mask, 1)).max()) * float(np.median(side[own]))
+    inside = float(inwards(seen.mask).max()) * float(np.median(side[own]))
     if float(np.square(side[own]).sum()) > SMALL_M2 and inside > THIN_M:
         return ""
     height = seen.world_points()[..., 2]

@@ -311,10 +311,7 @@ def _silhouette(mask: np.ndarray, known: np.ndarray, k: np.ndarray, pose: np.nda
     inward = offsets < -0.75
     broken = np.cumsum((~inner & inward)[:, ::-1], axis=1)[:, ::-1] > 0
     again = np.cumsum(inner & (offsets > 1.5), axis=1) > 0
-    directions = np.concatenate(
-        [(places - [k[0, 2], k[1, 2]]) / [k[0, 0], k[1, 1]], np.ones((*places.shape[:2], 1))], -1
-    )
-    directions = directions @ pose[:3, :3].T
+    directions = cameras.directions(places, k) @ pose[:3, :3].T
     rays = np.concatenate([np.broadcast_to(pose[:3, 3], directions.shape), directions], axis=-1)
     return Silhouette(rays, broken & inward, again)
 

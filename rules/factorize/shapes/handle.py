@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.geometry import raycast, solids, transforms
+from dextera_build.geometry import cameras, raycast, solids, transforms
 from dextera_build.geometry.solids import Solid
 
 from .evidence import Evidence
@@ -39,8 +39,7 @@ class _Plane:
 
     def place(self, pixels: np.ndarray, k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(distance from the axis, height) (N, 2) [m] and depth (N,) at which rays through (column, row) cross it."""
-        bearing = np.concatenate([(pixels - [k[0, 2], k[1, 2]]) / [k[0, 0], k[1, 1]], np.ones((len(pixels), 1))], 1)
-        bearing = bearing @ self.object_from_camera[:3, :3].T
+        bearing = cameras.directions(pixels, k) @ self.object_from_camera[:3, :3].T
         normal = np.array([-np.sin(self.azimuth), np.cos(self.azimuth), 0.0])
         depth = -(self.eye @ normal) / (bearing @ normal)
         points = self.eye + depth[:, None] * bearing
@@ -49,8 +48,7 @@ class _Plane:
 
     def slide(self, pixels: np.ndarray, k: np.ndarray) -> np.ndarray:
         """Mean shift (2,) on the plane of points seen along rays (N, 2), per metre of distance from the plane."""
-        bearing = np.concatenate([(pixels - [k[0, 2], k[1, 2]]) / [k[0, 0], k[1, 1]], np.ones((len(pixels), 1))], 1)
-        bearing = bearing @ self.object_from_camera[:3, :3].T
+        bearing = cameras.directions(pixels, k) @ self.object_from_camera[:3, :3].T
         normal = np.array([-np.sin(self.azimuth), np.cos(self.azimuth), 0.0])
         off = normal - bearing / (bearing @ normal)[:, None]
         out = off[:, 0] * np.cos(self.azimuth) + off[:, 1] * np.sin(self.azimuth)

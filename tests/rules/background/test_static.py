@@ -22,6 +22,8 @@ from dextera_build.rule import Context, Options
 from rules.background import static_planes, static_stub
 from rules.background.boxes import support_box
 from rules.background.layers import apart, split
+from rules.background.patch import SUPPORT
+from rules.background.patches import divide
 from rules.background.static import StaticOptions, static
 from rules.background.surface import plane_depth
 from tests import factories
@@ -130,6 +132,40 @@ def test_a_thing_across_the_picture_does_not_part_the_table(tmp_path: Path) -> N
     points = transforms.apply(table.camera_pose.matrix, cameras.backproject(empty.measured.depth.depth, LENS.matrix()))
     hidden = mask & regions.inside_convex(points[..., :2], table.polygon)
     assert (made[hidden] == 0).mean() <= 0.01
+
+
+@pytest.mark.medium
+def test_the_table_goes_on_behind_a_thing_farther_than_depth_was_measured(tmp_path: Path) -> None:
+    """Depth ends in the middle of the table, whose light changes farther away by more than one colour may differ."""
+    empty, table = striped_table()
+    points = transforms.apply(table.camera_pose.matrix, cameras.backproject(empty.measured.depth.depth, LENS.matrix()))
+    far = points[..., 1] > 0.05
+    lit = empty.photograph.rgb.pixels + 60.0 * np.clip(points[..., 1:2] - 0.05, 0.0, None)
+    mask = np.zeros((LENS.height, LENS.width), bool)
+    mask[40:140, 130:180] = True
+    depth = np.where(mask, 0.5, np.where(far, 0.0, empty.measured.depth.depth)).astype(np.float32)
+    lit[mask] = (200, 30, 30)
+    near = table.model_copy(update={"polygon": table.polygon * [1.0, 0.5] - [0.0, 0.2]})
+    capture = factories.rgbd(np.clip(lit, 0, 255).astype(np.uint8), depth, LENS)
+    made = build(capture, near, mask, tmp_path, static_planes)
+    np.testing.assert_allclose(made.depth.depth[mask], empty.measured.depth.depth[mask], atol=1e-3)
+    # The collision box ends where the table was seen to.
+    assert made.boxes[0].centre[1] + made.boxes[0].half_size[1] < 0.45
+
+
+def test_a_floor_goes_on_behind_what_was_removed_from_a_wide_gap() -> None:
+    depth = np.full((120, 320), 2.0, np.float32)
+    support = np.zeros((120, 320), bool)
+    support[90:] = True
+    taken = np.zeros_like(support)
+    taken[:60, 100:220] = True
+    depth[:90, 90:230] = 0.0
+    k = LENS.matrix()
+    plane = (np.array([0.0, -0.9, -0.4358899]), 0.8)
+    grey = np.full((120, 320, 3), 120, np.uint8)
+    labels, patches = divide(grey, depth, k, support, plane, taken, np.zeros_like(taken), 0.03)
+    flat = [patch.number for patch in patches if patch.plane is not None and patch.number != SUPPORT]
+    assert np.isin(labels[taken], flat).all()
 
 
 def test_the_surface_lies_exactly_on_the_support_and_faces_up(

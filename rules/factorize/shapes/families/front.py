@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.geometry import solids, transforms
+from dextera_build.geometry import cameras, solids, transforms
 from dextera_build.geometry.solids import Solid
 
 from ..evidence import Evidence
@@ -106,8 +106,7 @@ def _swept(outline: CrossSection, depth: np.ndarray, evidence: Evidence, edge_px
         place = np.asarray(corners)
         seen = ndimage.map_coordinates(depth, place[:, 1::-1].T, order=1, mode="nearest")
         z = seen + (place[:, 2] / thick).round() * LARGEST_M
-        k = evidence.k
-        point = np.stack([(place[:, 0] - k[0, 2]) / k[0, 0] * z, (place[:, 1] - k[1, 2]) / k[1, 1] * z, z], axis=-1)
+        point = cameras.directions(place[:, :2], evidence.k) * z[:, None]
         return np.asarray(transforms.apply(evidence.world_from_camera, point))
 
     swept = prism.warp_batch(bend).trim_by_plane((0.0, 0.0, 1.0), 0.0)
