@@ -17,7 +17,6 @@ from typing import IO, Any, NamedTuple
 
 import numpy as np
 
-from dextera_build.artifacts.base import File
 from dextera_build.artifacts.core.file_errors import unreadable
 from dextera_build.artifacts.robots.hand_stream import LOST, TRACKED, HandStream, Take
 from dextera_build.artifacts.robots.stream import Stream
@@ -89,10 +88,10 @@ def load(path: str | Path, topics: Topics | None = None, *, unit_m: float = 1.0)
     """Read a recording of hands; see `of`.
 
     Raises:
-        ArtifactError: It is no MCAP file, or `of` refuses it.
+        ArtifactError: There is no such file, it is no MCAP file, or `of` refuses it.
     """
     suffix_among("HandStream", Path(path), (".mcap",))
-    return of(mcap.of(File.of(path), str(path)), topics, unit_m=unit_m)
+    return of(mcap.load(path), topics, unit_m=unit_m)
 
 
 def of(stream: Stream, topics: Topics | None = None, *, unit_m: float = 1.0) -> HandStream:

@@ -84,9 +84,11 @@ def load(path: str | Path) -> Stream:
     """Open an `.mcap` file, which must no longer change.
 
     Raises:
-        ArtifactError: It is no MCAP file, or has no index.
+        ArtifactError: There is no such file, it is no MCAP file, or has no index.
     """
     suffix_among("Stream", Path(path), (".mcap",))
+    if not Path(path).is_file():
+        raise unreadable(path, "MCAP", "there is no such file")
     return of(File.of(path), str(path))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import http
 import json
+import logging
 import secrets
 import ssl
 import sys
@@ -118,6 +119,7 @@ class Server:
                 ping_timeout=5,
                 close_timeout=1,
                 server_header=None,
+                logger=_quiet(),
             )
         except OSError as error:
             raise UsageError(
@@ -240,6 +242,14 @@ class Server:
         else:
             raise Refused("a command is `do`, `device`, `ping`, or delays `way` and `trip`")
         return None
+
+
+def _quiet() -> logging.Logger:
+    """A log that nobody reads: devices that leave or refuse the certificate would fill the terminal by tracebacks."""
+    found = logging.getLogger(f"{__name__}.sockets")
+    found.addHandler(logging.NullHandler())
+    found.propagate = False
+    return found
 
 
 def _numbers(values: Any) -> list[float]:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import shutil
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -81,6 +82,9 @@ class Session(threading.Thread):
         self.driver = Driver(environment, apart_m=plan.retargeting.apart_m)
         self.environment = self.driver.environment
         self.own = hands_of(bundle.robot)
+        for limbs in _moved_together(self.own, needed(self.environment)):
+            # It takes a tenth of a second, which a take's first message must not wait for.
+            self.driver.control.arms(limbs)
         self.twin = twin_file.written(self.environment, self.own)
         """The file of `twin_file`."""
         self.inbox, self.measure = Inbox(), Measure()
@@ -257,9 +261,12 @@ class Session(threading.Thread):
         if not rows and time.perf_counter() - self._preview > IDLE_S:
             self._preview = time.perf_counter()
             self._show()
-        quiet = time.perf_counter() - rows[-1][1].arrived if rows else 0.0
-        if live and quiet > LOST_S and not live.finishing:
+        if live and rows and self._quiet_s() > LOST_S and not live.finishing:
             raise Ended(f"the connection was silent for {LOST_S:g} s, so the take was stopped")
+
+    def _quiet_s(self) -> float:
+        """Time since a message came [s], which a step of a slow simulation has perhaps not read yet."""
+        return time.perf_counter() - self.inbox.arrived
 
     def sent(self, command: Command) -> None:
         """Measure the delay of the message behind a command; see `drive.Observer`."""
@@ -290,7 +297,7 @@ class Session(threading.Thread):
             "clutch": [bool(each) for each in self._last.clutch] if self._last else [False, False],
             "tracked": [bool(each > LOST) for each in self._last.tracking] if self._last else [False, False],
             "measured": [round(self.measure.share(side), 2) for side in hands.SIDES],
-            "silent": bool(live and live.rows and time.perf_counter() - live.rows[-1][1].arrived > SILENT_S),
+            "silent": bool(live and live.rows and self._quiet_s() > SILENT_S),
             "limits": self._limits(),
             "lag_mm": round(1000 * self.driver.control.lag_m(self._command), 1) if live and self._command else 0.0,
             "own_ms": [round(each, 1) for each in self.own_share.percentiles()] if len(self.own_share) else None,
@@ -328,3 +335,10 @@ class Session(threading.Thread):
                 continue
             parts.append(own.hand.link_poses(aim.fingers, aim.palm))
         return np.concatenate(parts) if parts else np.zeros((0, 7))
+
+
+def _moved_together(limbs: Iterable[str], must: set[str]) -> Iterator[tuple[str, ...]]:
+    """Limbs that an operator's hands may move in one take, in the order of `limbs`, those of `must` among them."""
+    every = tuple(limbs)
+    for count in range(1, len(every) + 1):
+        yield from (some for some in combinations(every, count) if must <= {*some})

@@ -37,7 +37,13 @@ def assert_same(runner: RuleRunner, bundle: TaskBundle, recording: HandStream, s
     assert isinstance(made, Episodes)
     assert len(made.items) == len(recording.takes) == len(seen)
     for replayed, was in zip(made.items.values(), seen, strict=True):
-        for name in ("action", "executed", "hand"):
-            assert getattr(replayed, name).tobytes() == getattr(was, name).tobytes(), name
-        one, two = ({name: term.tobytes() for name, term in each.terms.items()} for each in (replayed, was))
-        assert one == two
+        assert differences(replayed, was) == []
+
+
+def differences(one: Episode, other: Episode) -> list[str]:
+    """Arrays of two episodes that are not the same, bit for bit."""
+    both = [
+        {name: getattr(each, name) for name in ("action", "executed", "hand")} | each.terms for each in (one, other)
+    ]
+    assert both[0].keys() == both[1].keys()
+    return [name for name, values in both[0].items() if values.tobytes() != both[1][name].tobytes()]

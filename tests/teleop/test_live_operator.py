@@ -29,6 +29,7 @@ def test_an_older_message_that_waits_is_dropped():
     assert found is not None
     assert found.number == 3
     assert inbox.dropped == 2
+    assert 0.0 < inbox.arrived <= time.perf_counter()
     assert inbox.take(0) is None
     assert inbox.take(-1.0) is None
 

@@ -1,7 +1,8 @@
-"""The page in headless Chromium: keys move the robot, an emulated headset demonstrates, a second page is told."""
+"""The page in headless Chromium: keys move the robot, an emulated headset demonstrates, a second page waits."""
 
 from __future__ import annotations
 
+import asyncio
 import io
 import json
 import shutil
@@ -10,14 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from websockets.asyncio.client import connect
 
 from dextera_build.artifacts.robots.hand_stream import HandStream
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.teleop.session import Session
 from dextera_build.testing import RuleRunner
 from tests import hand_tasks
-from tests.teleop import headsets, operators, replays
-from tests.teleop.browsing import NO_PICTURES, SPEED, opened
+from tests.teleop import headsets, replays
+from tests.teleop.browsing import NO_PICTURES, Headset, opened
 from tests.teleop.chromium import Page
 
 pytestmark = [
@@ -54,6 +56,24 @@ def test_keys_move_the_robot_and_the_page_shows_it(lifting: TaskBundle, tmp_path
     opened(lifting, tmp_path, "", (), use)
 
 
+def test_a_page_beside_another_operator_says_so_and_waits(lifting: TaskBundle, tmp_path: Path):
+    async def use(page: Page, session: Session) -> None:
+        await page.run(NO_PICTURES)
+        address = (await page.run("location.href")).replace("http", "ws", 1) + "socket"
+        await page.run("(session.link.connect = () => {}, session.link.socket.close())")
+        while session.connected:
+            await asyncio.sleep(0.1)
+        async with connect(address, compression=None):
+            await page.run("(delete session.link.connect, session.link.connect())")
+            words = "another operator is connected; this page waits"
+            await page.until(f"document.getElementById('told').textContent === {json.dumps(words)} ? 1 : 0")
+        await page.until("session.link.open ? 1 : 0")
+        seen = await page.run("session.facts.tracked.length")
+        assert seen == 2
+
+    opened(lifting, tmp_path, "", (), use)
+
+
 @pytest.mark.timeout(2400)  # takes in slow motion
 def test_takes_of_an_emulated_headset_replay_bit_for_bit(
     runner: RuleRunner, lifting: TaskBundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -65,13 +85,12 @@ def test_takes_of_an_emulated_headset_replay_bit_for_bit(
 
     async def use(page: Page, session: Session) -> None:
         await page.run(NO_PICTURES)
-        await page.run("session.headset.enter()")
-        # Hands by keys need no measurement; those of the headset do.
-        await play(page, hands, *operators.opened(hands, 0), 0.2)
-        await page.until("session.facts.measured[1] < 1 ? 1 : 0")
-        await page.until("session.facts.measured[1] === 1 ? 1 : 0")
+        headset = Headset(page, hands)
+        await headset.wear()
         for number in range(TAKES):
-            told = [await demonstrate(page, hands, number) for _ in range(ATTEMPTS)]
+            told: list[str] = []
+            while len(told) < ATTEMPTS and await page.run("session.facts.kept") == number:
+                told.append(await headset.take(number))
             assert await page.run("session.facts.kept") == number + 1, told
         assert await page.run("session.link.lastWay") > 0
 
@@ -87,24 +106,3 @@ def test_takes_of_an_emulated_headset_replay_bit_for_bit(
         heard = made.positions[take.first : take.last, 1, 0]
         assert np.linalg.norm(shown[:, None] - heard, axis=-1).min(axis=1).max() < 0.05
     replays.assert_same(runner, lifting, made, seen)
-
-
-async def play(page: Page, hands: HandStream, first: int, last: int, speed: float) -> None:
-    """Let the emulated headset play messages of a recording."""
-    await page.run(f"({headsets.PLAY})({json.dumps(headsets.capture(hands, first, last, speed))})")
-
-
-async def demonstrate(page: Page, hands: HandStream, number: int) -> str:
-    """Demonstrate a take, if it is not kept yet; what the session told."""
-    if await page.run("session.facts.kept") == number:
-        take = hands.takes[number]
-        # The take begins from its first posture: on the way to it, a step that is no jump yet would move the palm, too.
-        await page.run(f"({headsets.PLAY})({json.dumps(headsets.still(hands, take.first))})")
-        await page.until("session.facts.tracked[1] && session.facts.measured[1] === 1 ? 1 : 0")
-        await page.run("session.link.send({do: 'start'})")
-        await page.until("['waiting', 'taking'].includes(session.facts.phase) ? 1 : 0")
-        await play(page, hands, take.first, take.last, SPEED)
-        await page.until("player.playing && session.facts.phase !== 'ready' ? 0 : 1", 240)
-        await page.run("session.link.send({do: 'finish'})")
-        await page.until("session.facts.phase === 'ready' ? 1 : 0")
-    return str(await page.run("session.facts.told"))

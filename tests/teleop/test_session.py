@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import resource
 import struct
 import time
 from collections.abc import Callable, Iterator
@@ -22,6 +23,7 @@ from dextera_build.testing import RuleRunner
 from tests import hand_tasks
 from tests.teleop import operators, pages, replays
 from tests.teleop.browsing import SPEED
+from tests.teleop.test_takes import taken
 
 pytestmark = pytest.mark.slow
 
@@ -162,7 +164,8 @@ def test_keys_move_the_robot_and_a_silent_connection_holds_and_then_stops(live: 
 
 
 def test_discard_ends_a_take_and_finish_waits_for_the_robot_to_rest(live: Live) -> None:
-    for what, told in (("discard", "discarded"), ("finish", "the task was not done when the operator finished")):
+    unfinished = "the task was not done when the operator finished: the object is too low"
+    for what, told in (("discard", "discarded"), ("finish", unfinished)):
         begin(live)
         live.session.wish(what)
         assert live.until("phase", "ready")["told"] == told
@@ -204,3 +207,21 @@ def test_a_full_disk_starts_no_take(live: Live, monkeypatch: pytest.MonkeyPatch)
     time.sleep(0.2)
     live.session.wish("start")
     live.until("told", f"the disk of {live.takes.path.parent} is full: free 50 MB first")
+
+
+def test_a_disk_that_fills_while_a_take_is_written_loses_nothing(live: Live) -> None:
+    """The limit on the size of files is the system's own error."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
+    try:
+        live.takes.add(taken(7))
+        live.session.wish("end")
+        told = live.until("told", "the recording is not written yet: File too large; free the disk and end again")
+        assert told["phase"] == "ready"
+        assert told["unsaved"] == "File too large"
+        assert not live.takes.path.exists()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    live.session.wish("end")
+    live.until("phase", "ended")
+    assert [take.seed for take in HandStream.load(live.takes.path).takes] == [7]

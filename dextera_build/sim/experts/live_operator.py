@@ -61,12 +61,14 @@ class Inbox:
         self._message: Callable[[], Message] | None = None
         self.dropped = 0
         """Messages that a newer one replaced."""
+        self.arrived = -np.inf
+        """When the newest message came, by `time.perf_counter` [s]."""
 
     def put(self, message: Callable[[], Message]) -> None:
         """Leave what reads a message, and may raise `Refused`, from any thread."""
         with self._changed:
             self.dropped += self._message is not None
-            self._message = message
+            self._message, self.arrived = message, time.perf_counter()
             self._changed.notify()
 
     def wake(self) -> None:
@@ -160,7 +162,8 @@ class LiveOperator:
         """
         self._listen(self._began + self._steps * self._period / self._speed)
         if self._last_step is not None and self._steps >= self._last_step:
-            raise Ended("the task was not done when the operator finished")
+            why = self._environment.judge.reasons[0] or "not held for long enough"
+            raise Ended(f"the task was not done when the operator finished: {why}")
         self._steps += 1
         self.used = self.rows[-1][1]
         return self._labels.command(self.aims, state)

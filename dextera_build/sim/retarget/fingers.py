@@ -31,12 +31,9 @@ class Fingers:
 
     def __init__(self, matched: Matched, lengths_m: np.ndarray, options: Retargeting) -> None:
         self.matched = matched
-        own = float(np.mean(lengths_m[matched.others]))
-        self.scale: float = options.scale or matched.scale or matched.length_m / own
-        """Metre of the robot's hand per metre of the operator's."""
-        self._tips = [hands.TIPS[finger] for finger in matched.fingers]
-        self._knuckles = [hands.KNUCKLES[finger] for finger in matched.others]
-        self._pinches = Pinches(options, len(self._tips) - 1, self.scale)
+        self.beside = matched.beside(lengths_m, options.scale)
+        """Points of the operator's hand that are those of the robot's."""
+        self._pinches = Pinches(options, len(matched.fingers) - 1, self.beside.scale)
         self._thickness = matched.hand.radii[1:] + matched.hand.radii[0]
         self._filter = LowPass(options.low_pass_hz)
         self._posture: np.ndarray | None = None
@@ -48,28 +45,17 @@ class Fingers:
             points: (25, 3) joints of the operator in any frame [m].
             seconds: Time since the last message; ignored at the first.
         """
-        apart = np.linalg.norm(points[self._tips[1:]] - points[self._tips[0]], axis=1)
+        thumb, *others = points[self.beside.tips]
+        apart = np.linalg.norm(others - thumb, axis=1)
         pinch = self._pinches.next(apart, self._thickness)
         rest = self.matched.straight
         last, schedule = (rest, FIRST) if self._posture is None else (self._posture, NEXT)
-        terms = HandTerms(self.matched.hand, Goal(self._side_by_side(self.wanted(points)), pinch, last, rest))
+        terms = HandTerms(
+            self.matched.hand, Goal(self._side_by_side(self.beside.robot_tips(points)), pinch, last, rest)
+        )
         found, _ = least_squares.levenberg_marquardt(last, terms.at(last), terms, schedule)
         self._posture = found
         return self._filter.next(found, seconds)
-
-    def wanted(self, points: np.ndarray) -> np.ndarray:
-        """The operator's tips (F, 3) in the frame of the robot's palm, at its scale, from its first joints [m]."""
-        own, frame = self.matched, hands.palm_frame(points, self.matched.side)
-        reach = (points[self._tips] - points[self._knuckles].mean(axis=0)) @ frame
-        return np.asarray(own.anchor + self.scale * reach @ own.turn.T)
-
-    def origin(self, points: np.ndarray) -> np.ndarray:
-        """The point (3,) of the operator's hand (25, 3) that corresponds to the origin of the robot's palm [m].
-
-        A wrist would not do: where a hand turns, its wrist and its palm move by different ways.
-        """
-        own, frame = self.matched, hands.palm_frame(points, self.matched.side)
-        return np.asarray(points[self._knuckles].mean(axis=0) - frame @ own.turn.T @ own.anchor / self.scale)
 
     def _side_by_side(self, tips: np.ndarray) -> np.ndarray:
         """Tips (F, 3) of which neighbours but the thumb have room beside each other, where they are bent alike.

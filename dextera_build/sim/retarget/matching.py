@@ -10,6 +10,7 @@ from dextera_build.artifacts.robots.hand_map import HandMap
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.errors import RuleError, listing
 from dextera_build.geometry import hands
+from dextera_build.sim.retarget.correspondence import Correspondence
 from dextera_build.sim.retarget.hand_model import HandModel
 
 SAME = {"little": "pinky"}
@@ -30,8 +31,10 @@ class Matched:
     """Its limb."""
     side: str
     """The operator's hand: "left" or "right"."""
+    roles: tuple[str, ...]
+    """Frames of the robot's fingertips, the thumb's first."""
     fingers: tuple[int, ...]
-    """Finger of the operator, as a place in `hands.FINGERS`, of each fingertip; the thumb is the first."""
+    """Finger of the operator, as a place in `hands.FINGERS`, of each of these."""
     turn: np.ndarray
     """(3, 3) rotation from WebXR's axes of the operator's wrist to the frame of the robot's palm."""
     anchor: np.ndarray
@@ -51,6 +54,17 @@ class Matched:
     def others(self) -> list[int]:
         """Fingers of the operator but the thumb."""
         return list(self.fingers[1:])
+
+    def beside(self, lengths_m: np.ndarray, scale: float | None = None) -> Correspondence:
+        """The correspondence with a hand whose fingers have lengths (5,), `hands.finger_lengths` [m].
+
+        Args:
+            lengths_m: Those of all five.
+            scale: Metre of the robot's hand per metre of the operator's; None: that of the recipe, or else by the
+                lengths.
+        """
+        found = scale or self.scale or self.length_m / float(np.mean(lengths_m[self.others]))
+        return Correspondence(self.side, self.roles, self.fingers, self.turn, self.anchor, found)
 
 
 def matched(robot: RobotModel, limb: str) -> Matched:
@@ -77,7 +91,9 @@ def matched(robot: RobotModel, limb: str) -> Matched:
     length = float(np.linalg.norm(reach[1:], axis=1).mean())
     across = axes[:, 0] if side == hands.SIDES[1] else -axes[:, 0]
     widths = np.array([hand.width(finger, across) for finger in range(len(roles))])
-    return Matched(hand, limb, side, fingers, axes, anchor, length, straight, across, widths, stated.scale)
+    return Matched(
+        hand, limb, side, tuple(roles.values()), fingers, axes, anchor, length, straight, across, widths, stated.scale
+    )
 
 
 def _roles(robot: RobotModel, limb: str, stated: HandMap) -> dict[str, str]:

@@ -120,7 +120,7 @@ class Follower:
     @property
     def scale(self) -> float:
         """Metre of the robot's hand per metre of the operator's."""
-        return self._hand.scale
+        return self._hand.beside.scale
 
     def next(
         self, points: np.ndarray, turn: np.ndarray, stamp: float, *, tracked: bool, clutch: bool
@@ -140,7 +140,9 @@ class Follower:
             self.fingers = self._hand.next(points, stamp - (stamp if self._since is None else self._since))
             self._since = stamp
             if clutch:
-                wrist = transforms.rigid(quaternions.to_matrix(turn.astype(np.float64)), self._hand.origin(points))
+                wrist = transforms.rigid(
+                    quaternions.to_matrix(turn.astype(np.float64)), self._hand.beside.origin(points)
+                )
         return self._palm.next(wrist)
 
 

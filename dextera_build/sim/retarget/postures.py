@@ -50,10 +50,9 @@ def examples(robot: RobotModel, limb: str) -> Examples:
         if name != "open":
             own.hand.at(posture)
             told.append(f"{name[10:]} {own.hand.gap(0, names.index(name[10:])) * 1e3:.0f} mm")
-    size = float(np.mean(hands.finger_lengths(points)[own.others]))
     about = (
         f"the operator's {own.side} hand, {', '.join(names)}; fingers of {own.length_m * 1e3:.0f} mm, "
-        f"scale {own.scale or own.length_m / size:.2f}; in a pinch the thumb comes to {', '.join(told)}"
+        f"scale {follower.beside.scale:.2f}; in a pinch the thumb comes to {', '.join(told)}"
     )
     # From in front of the palm, from the side of the thumb.
     across = -own.turn[:, 0] if own.side == hands.SIDES[1] else own.turn[:, 0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import islice
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
@@ -14,11 +14,13 @@ from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.errors import listing
 from dextera_build.geometry import hands as human
+from dextera_build.geometry import poses, quaternions
 from dextera_build.geometry.human_hand import Hand, open_angles
 from dextera_build.previews.hands import strip
 from dextera_build.rule import Context, Tolerance, rule
+from dextera_build.sim.retarget.correspondence import Correspondence
 
-from . import fitted, placed, smooth, tracked
+from . import fitted, smooth, tracked
 from .smooth import Motion
 from .tracked import TrackedOptions
 
@@ -30,8 +32,6 @@ class HandsOptions(TrackedOptions):
 
     takes: PositiveInt = 1
     """Number of successful episodes, in order, that become takes of one recording."""
-    side: Literal["left", "right"] = "right"
-    """The hand that moves a robot with one limb."""
     hand_length_m: PositiveFloat = Field(0.19, ge=0.1, le=0.3)
     """From the wrist's crease to the tip of the middle finger [m]; an assumption."""
     hand_breadth_m: PositiveFloat = Field(0.085, ge=0.05, le=0.15)
@@ -45,8 +45,14 @@ class HandsOptions(TrackedOptions):
 class HandsBackend(Protocol):
     """Interface of a backend of reference.hands."""
 
-    def tips(self, ctx: Context, robot: RobotModel, limb: str, positions: np.ndarray, options: Any) -> np.ndarray:
-        """Tips (T, F, 3) of a limb's fingers [m] in the frame of its palm at joint positions (T, A)."""
+    def beside(self, ctx: Context, robot: RobotModel, limb: str, lengths_m: np.ndarray, options: Any) -> Correspondence:
+        """Points of a human hand with fingers of lengths (5,) [m] that are those of a limb's hand."""
+        ...
+
+    def tips(
+        self, ctx: Context, robot: RobotModel, limb: str, own: Correspondence, positions: np.ndarray, options: Any
+    ) -> np.ndarray:
+        """Tips (T, F, 3) of the fingers of `own` [m] in the frame of the palm at joint positions (T, A)."""
         ...
 
 
@@ -54,15 +60,20 @@ class _Driven(NamedTuple):
     """A hand that moves a limb."""
 
     limb: str
-    side: int
-    grip: placed.Grip
-    scale: float
+    own: Correspondence
+    still: np.ndarray
+    """(25, 3) joints of the human hand in the frame of its wrist, whose palm is rigid [m]."""
+
+    @property
+    def side(self) -> int:
+        """0 for a left hand, 1 for a right one."""
+        return human.SIDES.index(self.own.side)
 
 
 # The angles of the fingers are solved for, which is rounded differently on another processor; signs of quaternions are
 # free.
 @rule(
-    version=1,
+    version=2,
     packages=("numpy",),
     tolerance=Tolerance({"positions": 1e-4, "rotations": math.inf, "head": 1e-4, "pinch": 0.01}),
 )
@@ -75,7 +86,9 @@ def hands(
     of the robot's fingers, scaled to the hand. Tremor, tracking noise, losses and an uneven clock are added. Before
     every take the hand is open and drives nothing. A take's seed is that of the episode's start.
 
-    The backend offers `tips(robot, limb, positions) -> (T, F, 3)`.
+    Which points of the human hand are those of the robot's is the definition of retargeting, read backwards.
+
+    The backend offers `beside(robot, limb, lengths_m) -> Correspondence`, and `tips(robot, limb, own, positions)`.
     """
     options = options or HandsOptions()
     shown = list(islice(episodes.in_order(), options.takes))
@@ -83,7 +96,7 @@ def hands(
         ctx.fail("no episode succeeded, so there is no motion to follow", failures=len(episodes.failures))
     _check_robot(ctx, robot, episodes)
     hand = Hand(options.hand_length_m, options.hand_breadth_m)
-    driven = [_driven(ctx, robot, limb, hand, options.side) for limb in robot.limb_names]
+    driven = [_driven(ctx, robot, limb, hand) for limb in robot.limb_names]
     parts: dict[int, list[Motion]] = {each.side: [] for each in driven}
     takes: list[Take] = []
     off: list[np.ndarray] = []
@@ -115,24 +128,35 @@ def _check_robot(ctx: Context, robot: RobotModel, episodes: Episodes) -> None:
         )
 
 
-def _driven(ctx: Context[HandsBackend], robot: RobotModel, limb: str, hand: Hand, side: str) -> _Driven:
-    """The human hand of a limb, and its size relative to the robot's."""
-    grip = placed.grip_of(ctx, robot, limb)
-    rest = np.array([[grip.open.get(joint.name, joint.home) for joint in robot.joints]])
-    tips = ctx.backend.tips(ctx, robot, limb, rest, ctx.backend_options)[0]
-    scale = placed.scale(hand, grip, tips)
-    return _Driven(limb, human.SIDES.index(limb if limb in human.SIDES else side), grip, scale)
+def _driven(ctx: Context[HandsBackend], robot: RobotModel, limb: str, hand: Hand) -> _Driven:
+    """The human hand of a limb."""
+    lengths = human.finger_lengths(hand.joints(open_angles(), human.SIDES[1])[0])
+    own = ctx.backend.beside(ctx, robot, limb, lengths, ctx.backend_options)
+    return _Driven(limb, own, hand.joints(open_angles(), own.side)[0])
 
 
 def _followed(
     ctx: Context[HandsBackend], robot: RobotModel, each: _Driven, hand: Hand, episode: Episode, row: int
 ) -> tuple[Motion, np.ndarray]:
     """The hand that follows a limb's commands in an episode, and how far (K,) its tips are from their places [m]."""
-    tips = ctx.backend.tips(ctx, robot, each.limb, episode.action.astype(np.float64), ctx.backend_options)
-    targets = placed.targets(hand, each.grip, tips, each.scale, side=each.side)
-    angles = fitted.angles(hand, targets, each.grip.fingers)
-    off = np.linalg.norm(fitted.tips(hand, angles)[:, list(each.grip.fingers)] - targets, axis=-1)
-    return Motion(placed.wrists(hand, each.grip, episode.hand[:, row].astype(np.float64)), angles), off.ravel()
+    own = each.own
+    tips = ctx.backend.tips(ctx, robot, each.limb, own, episode.action.astype(np.float64), ctx.backend_options)
+    targets = own.human_tips(tips, each.still)
+    targets = targets if each.side else human.mirrored(targets)
+    angles = fitted.angles(hand, targets, own.fingers)
+    off = np.linalg.norm(fitted.tips(hand, angles)[:, list(own.fingers)] - targets, axis=-1)
+    return Motion(_wrists(each, episode.hand[:, row].astype(np.float64)), angles), off.ravel()
+
+
+def _wrists(each: _Driven, palms: np.ndarray) -> np.ndarray:
+    """Poses (T, 7) of the human wrist where the robot's palm is at poses (T, 7)."""
+    origin, axes = each.own.origin(each.still), each.own.axes(each.still)
+    found = []
+    for palm in palms:
+        matrix = poses.to_matrix(palm)
+        turn = matrix[:3, :3] @ axes.T
+        found.append(np.append(matrix[:3, 3] - turn @ origin, quaternions.from_matrix(turn)))
+    return np.array(found)
 
 
 def _before(parts: list[Motion], moved: Motion, options: HandsOptions) -> list[Motion]:

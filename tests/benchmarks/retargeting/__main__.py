@@ -81,7 +81,7 @@ def ours(own: Matched, points: np.ndarray, rate_hz: float, options: Retargeting)
         before = time.process_time()
         found.append(follower.next(hand, 1 / rate_hz))
         seconds.append(time.process_time() - before)
-    return Run(np.array(found), np.array(seconds), follower.scale)
+    return Run(np.array(found), np.array(seconds), follower.beside.scale)
 
 
 def theirs(own: Matched, points: np.ndarray, how: tuple[Path, str, float, float], folder: Path) -> Run:

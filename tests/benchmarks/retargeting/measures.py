@@ -33,7 +33,7 @@ class Run:
 def row(title: str, own: Matched, run: Run, truth: tuple[np.ndarray, list[str], float]) -> str:
     """A row of the table, against the motion without noise: joints (N, 25, 3), names of postures, rate [Hz]."""
     clean, names, rate = truth
-    wanted = Fingers(own, measured(clean, np.ones(len(clean), bool)), Retargeting(scale=run.scale)).wanted
+    wanted = Fingers(own, measured(clean, np.ones(len(clean), bool)), Retargeting(scale=run.scale)).beside.robot_tips
     tips, missed, gaps, between, touches = [], [], [], [], []
     for points, posture, name in zip(clean, run.positions, names, strict=True):
         seen = own.hand.at(posture)

@@ -16,8 +16,9 @@ from dextera_build.errors import RuleError
 from dextera_build.formats import mcap
 from dextera_build.geometry import hands, human_hand, lie, quaternions
 from dextera_build.policy.layout import embodiment
+from dextera_build.sim.retarget.matching import matched
 from dextera_build.testing import RuleRunner
-from rules.reference.operator import fitted, placed, smooth, unsteady
+from rules.reference.operator import fitted, smooth, unsteady
 from rules.reference.operator.smooth import Motion
 from rules.reference.operator.unsteady import UnsteadyOptions
 from tests.robots.robot_recipes import built
@@ -173,15 +174,12 @@ def test_hands_follow_the_palms_and_close_with_the_robot(
     for row, limb in enumerate(robot.limb_names):
         side = hands.SIDES.index(limb) if limb in hands.SIDES else 1
         points = found.positions[:, side].astype(np.float64)
-        # The point of the palm that is the robot's goes where the robot's palm is, turned by one rotation.
-        grip = placed.grip_of(None, robot, limb)
-        palms = episode.hand[:, row]
-        turns = np.array([quaternions.to_matrix(pose[3:]) for pose in palms]) @ grip.turn
-        wrists = np.array([quaternions.to_matrix(pose) for pose in found.rotations[take.first :, side, 0]])
-        np.testing.assert_allclose(wrists, turns, atol=1e-5)
-        middle = points[take.first :, 0] + turns @ placed.middle(HAND)
-        np.testing.assert_allclose(middle, palms[:, :3], atol=1e-5)
-        np.testing.assert_allclose(hands.palm_frame(points, hands.SIDES[side])[take.first :], turns, atol=0.05)
+        # The point of the palm that retargeting takes for the robot's goes where the robot's palm is, with its axes.
+        beside = matched(robot, limb).beside(hands.finger_lengths(points[take.first]))
+        assert beside.side == hands.SIDES[side]
+        for moment, pose in zip(points[take.first :], episode.hand[:, row], strict=True):
+            np.testing.assert_allclose(beside.origin(moment), pose[:3], atol=1e-5)
+            np.testing.assert_allclose(beside.axes(moment), quaternions.to_matrix(pose[3:]), atol=1e-4)
         # It is a hand of its side, whose bones keep their lengths, and which closes as the robot's does.
         assert hands.curl(points).mean() * (1 if side else -1) > 0.03 * HAND.length_m
         assert np.ptp(hands.bone_lengths(points), axis=0).max() < 1e-5
@@ -258,6 +256,6 @@ def test_episodes_of_another_robot_and_no_episode_are_refused(
 
 def test_a_limb_without_a_hand_is_refused(runner: RuleRunner, robots: Callable[[str], RobotModel]) -> None:
     robot = robots("kuka_leap")
-    limbs = {name: limb.model_copy(update={"grips": {}}) for name, limb in robot.limbs.items()}
-    with pytest.raises(RuleError, match="no hand that a human hand could lead"):
+    limbs = {name: limb.model_copy(update={"tips": limb.tips[:2]}) for name, limb in robot.limbs.items()}
+    with pytest.raises(RuleError, match="no hand that an operator's hand can move"):
         runner.run("reference.hands", robot=robot.model_copy(update={"limbs": limbs}), episodes=shown(robot))

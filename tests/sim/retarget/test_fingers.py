@@ -117,24 +117,13 @@ def test_a_robot_that_is_the_operator_gets_its_own_tips_back(hand) -> None:
         apart = np.linalg.norm(seen.tips[1:] - seen.tips[0], axis=1).min()
         if len(seen.close) or apart < Retargeting.leave_m:
             continue
-        follower = _Given(own, seen.tips)
-        found = [follower.next(follower.points, 1 / 72) for _ in range(12)][-1]
+        points = posed(own, human_hand.open_angles())
+        follower = Fingers(own, hands.finger_lengths(points), Retargeting(scale=1.0, low_pass_hz=0.0))
+        points[follower.beside.tips] = follower.beside.human_tips(seen.tips, points)
+        found = [follower.next(points, 1 / 72) for _ in range(12)][-1]
         missed.append(np.linalg.norm(own.hand.at(found).tips - seen.tips, axis=1).max())
     assert len(missed) >= 6
     assert max(missed) < 1.5e-3
-
-
-class _Given(Fingers):
-    """Fingers whose operator has given tips in the frame of the robot's palm."""
-
-    def __init__(self, own: Matched, tips: np.ndarray) -> None:
-        super().__init__(own, np.ones(5), Retargeting(scale=1.0, low_pass_hz=0.0))
-        self.points = np.zeros((25, 3))
-        self.points[[hands.TIPS[finger] for finger in own.fingers]] = tips
-        self._given = tips
-
-    def wanted(self, points: np.ndarray) -> np.ndarray:
-        return self._given
 
 
 def test_derivatives_are_those_of_differences(hand) -> None:

@@ -9,9 +9,7 @@ from dextera_build.artifacts.robots.hand_map import HandMap
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.errors import RuleError
 from dextera_build.geometry import hands
-from dextera_build.sim.retarget.fingers import Fingers
 from dextera_build.sim.retarget.matching import matched
-from dextera_build.sim.retarget.options import Retargeting
 from tests.hand_motions import motion
 
 
@@ -79,11 +77,11 @@ def test_the_scale_follows_from_the_operators_size_or_is_stated(leap: RobotModel
     _, points, _ = motion(30.0)
     lengths = hands.finger_lengths(points[0])
     own = matched(leap, "arm")
-    usual = Fingers(own, lengths, Retargeting()).scale
-    assert Fingers(own, 1.1 * lengths, Retargeting()).scale == pytest.approx(usual / 1.1)
+    usual = own.beside(lengths).scale
+    assert own.beside(1.1 * lengths).scale == pytest.approx(usual / 1.1)
     stated = matched(stating(leap, "arm", scale=1.6), "arm")
-    assert Fingers(stated, lengths, Retargeting()).scale == 1.6
-    assert Fingers(stated, lengths, Retargeting(scale=1.2)).scale == 1.2
+    assert stated.beside(lengths).scale == 1.6
+    assert stated.beside(lengths, 1.2).scale == 1.2
 
 
 def test_a_hand_of_unknown_fingers_is_refused(leap: RobotModel) -> None:

@@ -147,7 +147,7 @@ def test_a_hand_that_turns_about_its_palm_turns_the_palm_in_place(hand: tuple[Ro
     own = matched(robot, limb)
     side = hands.SIDES.index(own.side)
     points = made.positions[0, side].astype(float)
-    pivot = Fingers(own, hands.finger_lengths(points), Retargeting()).origin(points)
+    pivot = Fingers(own, hands.finger_lengths(points), Retargeting()).beside.origin(points)
     positions, rotations = made.positions.copy(), made.rotations.copy()
     for row in range(30):
         turn = lie.rotation(np.array([0.0, 0.0, 0.04 * row]))
