@@ -16,6 +16,7 @@ from dextera_build.rule import Fraction
 
 from . import solids, textures, walls
 from .assembly import Assembly
+from .basket import Basket
 from .on_table import Placed
 
 
@@ -228,5 +229,5 @@ class Laptop(Placed):
         }
 
 
-ThingOptions = Annotated[Carton | Cylinder | Bowl | Mug | Laptop | Assembly, Field(discriminator="kind")]
+ThingOptions = Annotated[Carton | Cylinder | Bowl | Basket | Mug | Laptop | Assembly, Field(discriminator="kind")]
 """Any kind of object."""

@@ -1,4 +1,4 @@
-"""`dataset/...`: two episodes of one pair in the twin and one in the reference world, with real backends."""
+"""`dataset/...`: episodes of one pair in the twin and in the reference world, and a replay, with real backends."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import pytest
 from tests.e2e.space import Space
 
 PAIR = "dataset/kl/lift_mustard_bottle"
+TASK = "KL: LiftMustardBottle"
+PUBLISHED = "100 / 20, replay 30"
 
 
 @pytest.mark.slow
@@ -18,13 +20,20 @@ def test_both_worlds_and_one_more_episode(tmp_path: Path) -> None:
     space = Space(tmp_path)
 
     def built(count: int) -> tuple[set[str], list[dict[str, str]]]:
-        counts = ("--set", f"pair/shards.episodes={count}", "--set", "data/shards.episodes=1")
-        targets = (f"{PAIR}:pair/episodes", f"{PAIR}:data/yields", f"{PAIR}:data/recorded_film")
-        answer = space.dxb("build", "--console", "jsonl", *targets, *counts, timeout_s=2500.0)
+        counts = [f"pair/shards.episodes={count}", "data/shards.episodes=1", "data/replay.trials=1"]
+        targets = [f"{PAIR}:{node}" for node in ("pair/episodes", "data/yields", "data/recorded_film", "data/replayed")]
+        settings = [word for each in counts for word in ("--set", each)]
+        answer = space.dxb("build", "--console", "jsonl", *targets, *settings, timeout_s=2500.0)
         assert answer.code == 0, answer.err[-3000:]
         files = dict(line.split("\t") for line in answer.out.splitlines())
-        table = next(path for name, path in files.items() if name.endswith("data/yields"))
-        return answer.nodes("ran"), list(csv.DictReader((tmp_path / table).read_text().splitlines()))
+
+        def table(node: str) -> list[dict[str, str]]:
+            path = next(path for name, path in files.items() if name.endswith(node))
+            return list(csv.DictReader((tmp_path / path).read_text().splitlines()))
+
+        replays = {row["worlds"]: row["trials"] for row in table("data/replayed") if row["task"] == TASK}
+        assert replays == {"twin / reference, tracked": "replay 1", "paper: simulation / hardware": PUBLISHED}
+        return answer.nodes("ran"), table("data/yields")
 
     _, rows = built(2)
     found = {row["episodes"]: (row["world"], row["actor"], row["successes"]) for row in rows}

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from dextera_build.recipe import strict_yaml
+from rules.evaluate import published
 
 ROOT = Path(__file__).parents[2]
 TASKS = sorted(path for arm in ("ob", "kl") for path in (ROOT / "recipes" / "task" / arm).glob("*.yaml"))
@@ -55,9 +56,11 @@ def test_every_pair_of_the_paper_has_a_data_set_of_both_worlds() -> None:
     assert {whole[name]["recipe"] for name in evaluated(nodes)} == {f"dataset/{pair}" for pair in pairs}
     assert whole["twin"]["episodes"] == {name: f"${name}.pair.episodes" for name in evaluated(nodes)}
     assert whole["reference"]["episodes"] == {name: f"${name}.data.recorded" for name in evaluated(nodes)}
+    assert whole["replayed"]["trials"] == {name: f"${name}.data.replay" for name in evaluated(nodes)}
     shared = read(ROOT / "recipes" / "task" / "shown.yaml")["nodes"], read(ROOT / "recipes/dataset/pair.yaml")["nodes"]
     assert [len(pairs) * nodes["shards"]["episodes"] for nodes in shared] == [3900, 390]
     assert shared[0]["sources"]["episodes"] == 10
+    assert len(pairs) * shared[1]["replay"]["trials"] == sum(rate.trials for rate in published.REPLAY.values())
 
 
 def evaluated(nodes: dict) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -50,6 +50,16 @@ class Path:
             np.concatenate([np.ones(count - 1), self.least]),
             [free] * (count - 1) + list(self.labels),
         )
+
+    @property
+    def free(self) -> int:
+        """Number of steps at its beginning in which all limbs move freely, with empty hands."""
+        parts = (all(part.frame == FREE and not part.contact for part in each.values()) for each in self.labels)
+        return next((number for number, each in enumerate(parts) if not each), len(self.labels))
+
+    def begun(self, palms: np.ndarray) -> Path:
+        """With other poses (K, L, 4, 4) of the palms at its beginning."""
+        return replace(self, palms=np.concatenate([palms, self.palms[len(palms) :]]))
 
     def palms_at(self, place: float) -> np.ndarray:
         """T_base_palm (L, 4, 4) at a place 0..N."""

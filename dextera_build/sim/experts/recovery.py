@@ -16,7 +16,7 @@ from dextera_build.geometry import lie, transforms
 from dextera_build.sim.control.operator import Aim, Command, Part
 from dextera_build.sim.experts.motion import minimum_jerk
 
-LEAVES, RETURNS = 12, 20
+LEAVES, RETURNS = 15, 20
 """Control steps in which the hand leaves its path, and in which it returns to it."""
 
 

@@ -16,10 +16,11 @@ from dextera_build.artifacts.tasks.episode import Episode, Episodes, Start
 from dextera_build.geometry import transforms
 from dextera_build.geometry.poses import to_matrix
 from dextera_build.sim.control.ik import ArmKinematics
-from dextera_build.sim.control.operator import BASE, FREE, Command, PoseControl, State
+from dextera_build.sim.control.operator import BASE, FREE, Command, GaveUp, PoseControl, State
 from dextera_build.sim.experts.adapt import Timing, bent, slowed, steps_between, transfer
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.filters import Filters
+from dextera_build.sim.experts.motion import minimum_jerk
 from dextera_build.sim.experts.noise import Noise
 from dextera_build.sim.experts.paths import Path
 from dextera_build.sim.experts.recovery import Recovery, recovering
@@ -32,10 +33,11 @@ LOOSE = 10.0
 """Factor on speed limits while a path is solved for its joints, which retiming needs as it was shown."""
 SPARE_SPEED, SPARE_ACCELERATION = 0.95, 0.6
 """Parts of the limits that a retimed path uses; noise needs the rest."""
-SPARE_SENT = 0.85
-"""Of the square root of an acceleration that is more than its part, what is tolerated in the targets that are sent."""
 REVISIONS = 8
 """Maximum number of times that a path is retimed."""
+PATIENCE, HOPELESS = 3, 1.7
+"""Revisions after which a path is given up that is still too fast by the square of this factor: then a joint is at its
+limit or near a singularity, where slower motion does not help."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +116,11 @@ class Synthesis:
         self._commands = self._walk()
 
     def command(self, state: State) -> Command | None:
-        """The next command; frames of later runs use the objects' poses at that time."""
+        """The next command; frames of later runs use the objects' poses at that time.
+
+        Raises:
+            GaveUp: A path cannot be retimed to the limits of the arms.
+        """
         self._objects = state.objects
         return next(self._commands, None)
 
@@ -213,24 +219,51 @@ class Synthesis:
             path = path.started()
         for number, limb in enumerate(limbs):
             self._palms[limb], self._fingers[limb] = path.palms[-1, number], path.fingers[number][-1]
-        return [path.command(place) for place in self._places(path)]
+        try:
+            places = self._places(path)
+        except GaveUp:
+            path = self._in_joints(path)
+            places = self._places(path)
+        return [path.command(place) for place in places]
+
+    def _in_joints(self, path: Path) -> Path:
+        """The path with its free beginning straight in the arms' joints, away from their limits and singularities.
+
+        Raises:
+            GaveUp: There is no free beginning, or the arms do not reach its end.
+        """
+        assert self._control is not None
+        arms, free = self._control.arms(path.limbs), path.free
+        first, *_, last = self._joints(arms, path.palms[1 : free + 1], LOOSE) if free else (None, None)
+        found = arms.solve(path.palms[free], seed=last) if free else None
+        if found is None or not found.reached():
+            raise GaveUp("no slower motion keeps the arm within its acceleration")
+        parts = [minimum_jerk(step / free) for step in range(free)]
+        return path.begun(np.array([arms.poses(first + part * (found.joints - first)) for part in parts]))
 
     def _places(self, path: Path) -> np.ndarray:
-        """Places on the path at the ends of control periods, retimed to the limits of the arms."""
+        """Places on the path at the ends of control periods, retimed to the limits of the arms.
+
+        Raises:
+            GaveUp: It cannot be.
+        """
         if self._control is None:
             return moments(path.least)
         period, arms = 1.0 / self._rate, self._control.arms(path.limbs)
         limits = self._limits([self._names.index(name) for name in arms.joints])
         before = self._last[1] if self._last[0] == path.limbs else np.zeros(len(arms.joints))
         shown, least = self._joints(arms, path.palms[1:], LOOSE), path.least
-        for _ in range(REVISIONS):
+        for revision in range(REVISIONS):
             least = durations(shown, least, limits, before, period)
             places = moments(least)
             # Redundant joints move with time, and otherwise at their limits: look at what will really be sent.
             sent = self._joints(arms, [path.palms_at(place) for place in places], 1.0)
-            excess = np.sqrt(accelerations(sent, before, period) / limits.acceleration).max(axis=1) * SPARE_SENT
+            excess = np.sqrt(accelerations(sent, before, period) / limits.acceleration).max(axis=1)
             if excess.max() <= 1.0:
                 break
+            if revision + 1 >= PATIENCE and excess.max() > HOPELESS:
+                segment = path.command(places[int(excess.argmax())]).segment
+                raise GaveUp(f"no slower motion keeps the arm within its acceleration in `{segment}`")
             least = slower(least, places, excess)
         self._last = path.limbs, (sent[-1] - sent[-2]) / period
         return places

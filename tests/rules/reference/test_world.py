@@ -9,6 +9,7 @@ from typing import Any
 import manifold3d
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from dextera_build.artifacts.scenes.world import Thing, World
 from dextera_build.artifacts.shapes.mesh import Mesh
@@ -24,6 +25,7 @@ WORLD: dict[str, Any] = {
         "mug": {"kind": "mug", "at_m": (0.12, -0.1)},
         "carton": {"kind": "carton", "at_m": (0.3, 0.1), "size_m": (0.1, 0.06, 0.15)},
         "bowl": {"kind": "bowl", "at_m": (-0.1, -0.2)},
+        "basket": {"kind": "basket", "at_m": (0.1, -0.3), "radius_m": 0.08, "foot_radius_m": 0.07, "height_m": 0.06},
         "can": {"kind": "cylinder", "at_m": (0.12, 0.12), "radius_m": 0.03, "height_m": 0.1},
     },
     "lamps": ({"direction": (0.3, 0.5, -1.0), "strength": 0.6, "shadow": True},),
@@ -59,6 +61,7 @@ def test_every_part_and_every_surface_is_closed(world: World) -> None:
     [
         ("carton", (0.1, 0.06, 0.15)),
         ("bowl", (0.15, 0.15, 0.0592)),
+        ("basket", (0.16, 0.16, 0.061)),
         ("can", (0.06, 0.06, 0.1)),
         ("mug", (0.041 + 0.041 + 0.030, 0.082, 0.095)),
     ],
@@ -86,6 +89,8 @@ def test_containers_are_hollow_and_boxes_are_not(world: World) -> None:
     outer = np.pi * 0.041**2 * 0.095
     assert volume(world, "mug") < 0.35 * outer
     assert volume(world, "bowl") < 0.3 * np.pi * 0.075**2 * 0.058
+    # A flat floor and a thin wall of rope.
+    assert volume(world, "basket") < np.pi * 0.006 * (0.07**2 + 2 * 0.075 * 0.06)
 
 
 def test_the_lid_opens_by_the_angle_told(world: World) -> None:
@@ -99,7 +104,7 @@ def test_the_lid_opens_by_the_angle_told(world: World) -> None:
 
 def test_things_have_masses_of_their_own_and_fixtures_have_none(world: World) -> None:
     masses = {name: thing.matter.mass_kg for name, thing in world.objects.items() if thing.matter}
-    assert masses == {"laptop": 1.6, "mug": 0.31, "carton": 0.46, "bowl": 0.42, "can": 0.4}
+    assert masses == {"laptop": 1.6, "mug": 0.31, "carton": 0.46, "bowl": 0.42, "basket": 0.35, "can": 0.4}
     assert all(thing.matter is None for thing in world.fixtures.values())
     assert [name for name, thing in world.objects.items() if thing.hinge] == ["laptop"]
 
@@ -129,7 +134,8 @@ def filled(thing: Thing) -> manifold3d.Manifold:
 
 
 @pytest.mark.parametrize(
-    ("name", "spare"), [("carton", 1e-4), ("can", 1e-4), ("laptop", 1e-4), ("mug", 0.04), ("bowl", 0.08)]
+    ("name", "spare"),
+    [("carton", 1e-4), ("can", 1e-4), ("laptop", 1e-4), ("mug", 0.04), ("bowl", 0.08), ("basket", 0.2)],
 )
 def test_convex_pieces_fill_the_thing_and_little_more(world: World, name: str, spare: float) -> None:
     pieces, whole = filled(world.objects[name]), solid(world.objects[name].surface)
@@ -137,7 +143,7 @@ def test_convex_pieces_fill_the_thing_and_little_more(world: World, name: str, s
     assert (pieces - whole).volume() < spare * whole.volume()
 
 
-@pytest.mark.parametrize("name", ["mug", "bowl"])
+@pytest.mark.parametrize("name", ["mug", "bowl", "basket"])
 def test_cavities_are_open(world: World, name: str) -> None:
     pieces, shell = filled(world.objects[name]), solid(world.objects[name].parts["shell"].mesh)
     cavity = shell.hull() - shell
@@ -184,3 +190,12 @@ def test_no_thing_has_an_impossible_mass_friction_or_restitution(tmp_path: Path,
 def test_an_unknown_kind_is_named(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="'teapot'"):
         RuleRunner(tmp_path).run("reference.world", options=changed("objects.mug.kind", "teapot"))
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "message"),
+    [("rope_m", 0.1, "the rope is as thick as the basket"), ("seam_m", 0.003, "the seams cut the rope")],
+)
+def test_ropes_that_make_no_basket_are_refused(tmp_path: Path, option: str, value: float, message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        RuleRunner(tmp_path).run("reference.world", options=changed(f"objects.basket.{option}", value))

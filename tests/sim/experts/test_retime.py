@@ -10,8 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dextera_build.geometry import transforms
+from dextera_build.sim.control.operator import FREE, GaveUp, Part
+from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.experts.paths import Path
 from dextera_build.sim.experts.retime import Limits, accelerations, durations, moments, pose_at, slower
-from tests import factories
+from dextera_build.sim.experts.sources import sources_of
+from dextera_build.sim.experts.synthesis import Manner, Synthesis
+from dextera_build.sim.runtime.environment import Environment
+from tests import factories, gantry, task_bundles
 
 PERIOD = 0.05
 LIMITS = Limits(np.array([1.0, 2.0]), np.array([6.0, 6.0]))
@@ -69,3 +75,38 @@ def test_what_is_sent_is_measured_and_slowed_near_where_it_is_too_much() -> None
     longer = slower(np.ones(10), np.array([4.0, 5.0]), np.array([1.0, 1.3]))
     assert longer[1:9] == pytest.approx(1.3)
     assert longer[0] == longer[9] == 1.0
+
+
+@pytest.fixture(scope="module")
+def driver() -> Driver:
+    return Driver(Environment(task_bundles.lift(reset=gantry.RESET)), 0.08)
+
+
+def detour(operator: Synthesis, contact: bool) -> Path:
+    """Ten steps over a detour of 50 mm to 100 mm beside the hand, then three towards the object."""
+    limb, here = next(iter(operator._palms.items()))
+    palms = np.repeat(here[None, None], 14, axis=0)
+    palms[:, 0, 0, 3] += 0.1 * np.minimum(np.arange(14) / 10, 1.0)
+    palms[:, 0, 1, 3] += 0.05 * np.sin(np.pi * np.minimum(np.arange(14) / 10, 1.0))
+    palms[10:, 0, 2, 3] -= 0.01 * np.arange(4)
+    parts = [Part("approach", FREE, contact)] * 10 + [Part("reach", "box")] * 3
+    fingers = np.repeat(operator._fingers[limb][None], 14, axis=0)
+    return Path((limb,), palms, (fingers,), np.ones(13), [{limb: part} for part in parts])
+
+
+def test_free_motion_is_made_straight_in_the_joints_and_the_rest_is_kept(driver: Driver) -> None:
+    sources = sources_of(gantry.demonstrations(driver.environment.bundle, 1))
+    driver.environment.begin(driver.environment.draw(5))
+    driver.control.begin(driver.environment.previous_action)
+    operator = Synthesis(sources, driver.environment, driver.control, Manner(), 0)
+    operator._from_targets()
+    path = detour(operator, contact=False)
+    assert path.free == 10
+    found = operator._in_joints(path)
+    # The gantry's joints are the axes of its palm.
+    assert np.abs(found.palms[:10, 0, 1, 3] - path.palms[0, 0, 1, 3]).max() < 2e-3
+    assert (np.diff(found.palms[:11, 0, 0, 3]) > 0).all()
+    np.testing.assert_allclose(found.palms[0], path.palms[0], atol=1e-6)
+    np.testing.assert_array_equal(found.palms[10:], path.palms[10:])
+    with pytest.raises(GaveUp, match="no slower motion"):
+        operator._in_joints(detour(operator, contact=True))
