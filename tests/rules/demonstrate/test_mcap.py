@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import importlib.util
 import io
 import json
@@ -30,6 +29,7 @@ from dextera_build.formats.ros import types as ros_types
 from dextera_build.formats.ros.cdr import Cdr
 from dextera_build.geometry import quaternions
 from dextera_build.sim.model import skins
+from dextera_build.sim.observe import shapes
 from dextera_build.testing import RuleRunner
 from tests import episodes, readers
 
@@ -153,13 +153,12 @@ def test_viewers_find_the_robot_and_the_objects(
 
 
 def test_shapes_with_a_texture_are_cut_into_patches_of_one_colour() -> None:
-    triangles = importlib.import_module("rules.demonstrate.mcap_scene").triangles
     corners = np.array([[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]], np.float32)
     faces, uv = np.array([[0, 1, 2], [0, 2, 3]]), corners[[0, 1, 2, 0, 2, 3], :2] / 0.1
     texture = np.zeros((2, 2, 3), np.uint8)
     texture[0, 0] = 255  # above x < 0.05, y > 0.05
     skin = skins.Skin(corners, faces, (1.0, 1.0, 1.0, 1.0), texture, uv)
-    marker = triangles("box", "box/0", skin, np.array([0.0, 0.0, 0.02]), 2.0)
+    marker = shapes.triangles("box", "box/0", skin, np.array([0.0, 0.0, 0.02]), 2.0)
     cut = marker.points.reshape(-1, 3, 3)
     assert np.linalg.norm(np.cross(cut[:, 1] - cut[:, 0], cut[:, 2] - cut[:, 0]), axis=1).sum() / 2 == pytest.approx(
         0.04
