@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
+from xml.etree.ElementTree import SubElement
 
 import numpy as np
 
 from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.formats import urdf_xml
 from dextera_build.formats.ros import markers, messages
 from dextera_build.formats.ros.markers import Marker
 from dextera_build.formats.ros.recording import LATCHED, Recording
@@ -93,6 +95,9 @@ class Shapes:
         for topic, found in shapes.items():
             message = markers.marker_array(time, found)
             recording.send(topic, "visualization_msgs/MarkerArray", time, message, LATCHED)
+        for root, tree in self._things.items():
+            boxes = messages.text(self._boxes(root, tree.sized(sizes.get(root, 1.0)), sizes.get(root, 1.0)))
+            recording.send(f"/scene/{root}/robot_description", "std_msgs/String", time, boxes, LATCHED)
 
     def _sized(self, sizes: Mapping[str, float]) -> list[links.Tree]:
         return [tree.sized(sizes.get(root, 1.0)) for root, tree in self._things.items()]
@@ -108,6 +113,33 @@ class Shapes:
             for link, shift in tree.shifts.items()
             for number, skin in enumerate(skins.visible(self._model, int(self._model.body(prefix + link).id)))
         ]
+
+    def _boxes(self, root: str, tree: links.Tree, scale: float) -> str:
+        """An object as URDF with a box around the surface of each link, for viewers that draw no markers."""
+        robot = urdf_xml.root(root)
+        for link in [root, *(edge.child for edge in tree.edges)]:
+            node = SubElement(robot, "link", name=link)
+            body = int(self._model.body(link).id) if link in tree.shifts else -1
+            skins_of = skins.visible(self._model, body) if body >= 0 else []
+            if not skins_of:
+                continue
+            corners = scale * np.concatenate([each.vertices for each in skins_of]) - tree.shifts[link]
+            low, high = corners.min(axis=0), corners.max(axis=0)
+            visual = SubElement(node, "visual")
+            urdf_xml.origin(visual, (low + high) / 2)
+            SubElement(SubElement(visual, "geometry"), "box", size=urdf_xml.numbers((high - low).tolist()))
+            material = SubElement(visual, "material", name=link)
+            SubElement(material, "color", rgba=urdf_xml.numbers(mean_colour(skins_of[0])))
+        for edge in tree.edges:
+            joint = SubElement(robot, "joint", name=edge.joint, type=edge.type)
+            urdf_xml.origin(joint, edge.origin[:3, 3], edge.origin[:3, :3])
+            SubElement(joint, "parent", link=edge.parent)
+            SubElement(joint, "child", link=edge.child)
+            if edge.type != "fixed":
+                SubElement(joint, "axis", xyz=urdf_xml.numbers(edge.axis.tolist()))
+                lower, upper = map(urdf_xml.number, self._model.joint(edge.joint).range)
+                SubElement(joint, "limit", lower=lower, upper=upper, effort="0.0", velocity="0.0")
+        return urdf_xml.text(robot).decode()
 
     def _static(self) -> list[Marker]:
         """Collision boxes of the static scene, half transparent, without walls."""
@@ -126,6 +158,13 @@ class Shapes:
             and (model.geom_contype[geom] or model.geom_conaffinity[geom])
             and model.geom_pos[geom, 2] + model.geom_size[geom, 2] < HIGH_M
         ]
+
+
+def mean_colour(skin: skins.Skin) -> list[float]:
+    """The colour (4,) of a surface, or the mean of its texture, sRGB 0..1."""
+    if skin.texture is None:
+        return list(skin.colour)
+    return [*(skin.texture.reshape(-1, 3).mean(axis=0) / 255).tolist(), 1.0]
 
 
 def triangles(frame: str, name: str, skin: skins.Skin, shift: np.ndarray, scale: float) -> Marker:

@@ -11,6 +11,7 @@ import sys
 from collections import defaultdict
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -34,7 +35,8 @@ from dextera_build.testing import RuleRunner
 from tests import episodes, readers
 
 STEPS = 7
-ONCE = ("/tf_static", "/robot_description", "/scene/objects", "/scene/static")
+BOXES = ("/scene/box/robot_description", "/scene/case/robot_description")
+ONCE = ("/tf_static", "/robot_description", "/scene/objects", "/scene/static", *BOXES)
 READER = Path(__file__).with_name("rosbags_reader.py")
 
 
@@ -150,6 +152,20 @@ def test_viewers_find_the_robot_and_the_objects(
     np.testing.assert_allclose(corners.max(axis=0), episodes.BOX_HALF_M, atol=1e-6)
     assert (round(box.color.r, 3), box.color.a, list(box.colors)) == (0.8, 1.0, [])
     np.testing.assert_allclose(np.array([vector(point) for point in lid.points])[:, 1].min(), -0.1, atol=1e-6)
+
+
+def test_objects_are_boxes_for_viewers_without_markers(topics: dict[str, list[tuple[int, Any]]]) -> None:
+    ((_, objects),) = topics["/scene/objects"]
+    links = {}
+    for topic in BOXES:
+        ((_, message),) = topics[topic]
+        links |= {link.get("name"): link for link in ElementTree.fromstring(message.data).iter("link")}
+    for marker in objects.markers:
+        corners = np.array([vector(point) for point in marker.points])
+        box, origin = (links[marker.header.frame_id].find(f"visual/{each}") for each in ("geometry/box", "origin"))
+        size, middle = (np.array(each.split(), float) for each in (box.get("size"), origin.get("xyz")))
+        np.testing.assert_allclose(middle - size / 2, corners.min(axis=0), atol=1e-6)
+        np.testing.assert_allclose(middle + size / 2, corners.max(axis=0), atol=1e-6)
 
 
 def test_shapes_with_a_texture_are_cut_into_patches_of_one_colour() -> None:
@@ -357,4 +373,4 @@ def test_rerun_converts_robot_frames_joints_and_pictures(folder: Folder, made: E
     np.testing.assert_allclose(found["place"], episode.objects[:, 0, :3], atol=1e-6)
     assert len(found["images"]) == STEPS
     assert found["resolution"].tolist() == [64, 48]
-    assert found["drawn"].tolist() == ["base", "link_1", "link_2", "link_3"]
+    assert found["drawn"].tolist() == ["base", "box", "case", "case_lid", "link_1", "link_2", "link_3"]
