@@ -1,8 +1,9 @@
 """A policy that answers in a thread of its own while the steps of its last answer are carried out.
 
-The robot does not wait for the network: a chunk that was asked for at step s and arrives at step t is carried out from
-its step t - s on. It then begins away from the last command, because it was predicted from an older measurement, so
-that every change of chunks would be a jump [almond-bot/axol #191]. It is therefore shifted to begin at the last
+The robot does not wait for the network: a chunk that was asked for at step s and arrives at step t counts from its
+step t - s on. Chunks that reach the present step are averaged as in `policy.running.Ensemble` (Zhao et al. 2023). A new
+chunk was predicted from another measurement, so that every change of chunks would be a jump [almond-bot/axol #191]:
+among few others its weight grows, and one that follows on the last step of all others is shifted to begin at the last
 command, and the shift fades out.
 """
 
@@ -12,6 +13,7 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -24,7 +26,29 @@ from dextera_build.policy.observation import DeployableObservation
 from dextera_build.policy.running import Policy, PolicyFault
 
 FADE_S = 0.25
-"""Time in which the shift of a new chunk fades out [s]."""
+"""Time in which the difference that a new chunk makes fades in [s]."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A chunk that arrived."""
+
+    targets: np.ndarray
+    """The chunk (C, A) [rad or m]."""
+    asked: int
+    """Step of the observation behind it, the one of its first targets."""
+    arrived: int
+    """Step at which it arrived."""
+    others: int
+    """Number of chunks that reached that step, too."""
+
+    def reaches(self, step: int) -> bool:
+        """Whether it has targets for a step."""
+        return step - self.asked < len(self.targets)
+
+    def weight(self, step: int, fade: int) -> float:
+        """From 0 to 1; it grows, so that the mean moves by at most 1 / `fade` of the difference a step."""
+        return min(1.0, self.others * (step - self.arrived + 1) / max(1, fade - 1)) if self.others else 1.0
 
 
 class Chunking(Protocol):
@@ -62,7 +86,7 @@ class Threads:
 
 
 class Ahead:
-    """Gives one set of joint targets per control period at once, from the newest chunk.
+    """Gives one set of joint targets per control period at once, from the chunks so far.
 
     Args:
         policy: Asked by one thread at a time.
@@ -71,6 +95,7 @@ class Ahead:
         every: Number of steps of a chunk after which the next one is asked for, if its answer comes at once.
         answer_s: Longest time of an answer, except the first after `reset` [s].
         now: The time [ns].
+        forget: Decay of the weights of overlapping chunks, see `Ensemble`.
         worker: Runs the policy; None: a thread.
     """
 
@@ -83,8 +108,10 @@ class Ahead:
         every: int,
         answer_s: float,
         now: Callable[[], int],
+        forget: float = 0.0,
         worker: Submits | None = None,
     ) -> None:
+        self._forget = forget
         self._policy, self._last, self._every, self._answer_s, self._now = policy, last, every, answer_s, now
         self._rate_hz, self._fade = rate_hz, max(1, round(FADE_S * rate_hz))
         self._worker = worker or Threads()
@@ -106,6 +133,7 @@ class Ahead:
             every=int(policy.contract.settings.get("every", 1)),
             answer_s=cell.safety.answer_s,
             now=time.time_ns,
+            forget=float(policy.contract.settings.get("forget", 0.0)),
         )
 
     def reset(self) -> None:
@@ -124,14 +152,14 @@ class Ahead:
             RuleError: Its answers are shorter than the time that they take.
         """
         self._unseen.append(observation)
-        if self._chunk is None:
+        if not self._chunks:
             self._ask()
             self._take(self._answer())
         elif self._asked is not None and self._asked.done():
             self._take(self._answer())
         elif self._asked is not None and (late_s := (self._now() - self._since) / SECOND) > self._answer_s:
             raise PolicyFault(f"the policy gave no answer in {late_s:.2f} s", code="DXB-B554")
-        if self._asked is None and self._step - self._first >= self._due():
+        if self._asked is None and self._step - self._chunks[-1].asked >= self._due():
             self._ask()
         return self._target()
 
@@ -145,16 +173,16 @@ class Ahead:
 
     def _begin(self) -> None:
         self._asked: Future[np.ndarray] | None = None
-        self._chunk: np.ndarray | None = None
+        self._chunks: list[Answer] = []
+        """Oldest first."""
         self._unseen: list[DeployableObservation] = []
-        self._step = self._first = self._asked_at = self._since = 0
+        self._step = self._asked_at = self._since = 0
         self._joined, self._shift = 0, np.zeros(0)
 
     def _due(self) -> int:
         """Steps into a chunk after which the next one is asked for, so that it arrives before the last step."""
-        assert self._chunk is not None
         lead = int(np.ceil(max(self.answers_s[-5:], default=0.0) * self._rate_hz)) + 1
-        return max(1, min(self._every, len(self._chunk) - lead))
+        return max(1, min(self._every, len(self._chunks[-1].targets) - lead))
 
     def _ask(self) -> None:
         self._asked = self._worker.submit(self._policy.chunk, *self._unseen)
@@ -176,19 +204,22 @@ class Ahead:
                 code="DXB-B555",
                 hint="run it without `--asynchronous`, at a lower rate, or on a faster machine",
             )
-        if self._chunk is not None:
-            self._shift, self._joined = self._last() - chunk[max(0, passed - 1)], self._step
-        else:
-            self._shift = np.zeros(chunk.shape[1])
-        self._chunk, self._first = chunk, self._asked_at
+        first = not self._chunks
+        self._chunks = [each for each in self._chunks if each.reaches(self._step)]
+        if not self._chunks:
+            self._joined = self._step
+            self._shift = np.zeros(chunk.shape[1]) if first else self._last() - chunk[max(0, passed - 1)]
+        self._chunks.append(Answer(chunk, self._asked_at, self._step, len(self._chunks)))
 
     def _target(self) -> np.ndarray:
-        assert self._chunk is not None
-        row = self._step - self._first
-        self.ages_s.append(row / self._rate_hz)
-        left = max(0.0, 1.0 - (self._step - self._joined + 1) / self._fade)
+        step = self._step
+        self.ages_s.append((step - self._chunks[-1].asked) / self._rate_hz)
         self._step += 1
-        if row >= len(self._chunk):
+        found = [each for each in self._chunks if each.reaches(step)]
+        if not found:
             self.waited += 1
             return self._last()
-        return np.asarray(self._chunk[row] + left * self._shift)
+        weights = np.exp(-self._forget * np.arange(len(found))) * [each.weight(step, self._fade) for each in found]
+        mean = weights @ np.stack([each.targets[step - each.asked] for each in found]) / weights.sum()
+        left = max(0.0, 1.0 - (step - self._joined + 1) / self._fade)
+        return np.asarray(mean + left * self._shift)

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
 
+import numpy as np
+
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.deploying.transport import Topic
 from dextera_build.formats.ros import messages
-from dextera_build.formats.ros.recording import Recording
+from dextera_build.formats.ros.recording import LATCHED, Recording
+from dextera_build.geometry import poses
 from dextera_build.policy import robot_run
+from dextera_build.sim.observe.shapes import Shapes
 
 INTERVENTIONS = Topic("/dxb/interventions", "std_msgs/String")
 """Targets that the guard changed, and why it stopped."""
@@ -23,6 +28,8 @@ VERDICT = Topic(robot_run.VERDICT, "std_msgs/String")
 SUMMARY = Topic("/dxb/summary", "std_msgs/String")
 """What happened in the run, at its end: why it ended, delays, jitter, missed periods."""
 
+BASE = "base"
+"""Frame of poses, the robot's base."""
 CHUNK_BYTES = 1 << 15
 """Size of a chunk: what a crash can lose, two seconds of joint states."""
 
@@ -42,6 +49,7 @@ class Bag:
         self._open = True
         self.fault = ""
         """Why nothing more can be written; empty if it can."""
+        self._shapes: Shapes | None = None
 
     @classmethod
     def create(cls, path: Path) -> Bag:
@@ -51,11 +59,42 @@ class Bag:
 
     def add(self, topic: Topic, time: int, message: bytes) -> None:
         """Write a message; a failure is noted, because the thread of a transport cannot act on it."""
+        self._write(lambda recording: recording.send(topic.name, topic.kind, time, message))
+
+    def describe(self, bundle: TaskBundle, time: int) -> None:
+        """Write what viewers draw: the robot's description, shapes of objects and room, and frames that never move.
+
+        Args:
+            bundle: The task.
+            time: When the run begins [ns].
+        """
+        shapes = Shapes(bundle)
+        fixed = [("world", BASE, poses.from_matrix(bundle.base_pose.matrix)), *shapes.fixed({})]
+
+        def write(recording: Recording) -> None:
+            shapes.send(recording, time, {})
+            recording.send("/tf_static", "tf2_msgs/TFMessage", time, messages.transforms(time, fixed), LATCHED)
+
+        self._write(write)
+        self._shapes = shapes
+
+    def links(self, joints: Mapping[str, float]) -> list[tuple[str, str, np.ndarray]]:
+        """Parent, child and pose (7,) of the moving links of robot and objects; none before `describe`.
+
+        Args:
+            joints: Joint -> position [rad or m].
+        """
+        if self._shapes is None:
+            return []
+        known = {name: np.array([place]) for name, place in joints.items() if np.isfinite(place)}
+        return [(parent, child, rows[0]) for parent, child, rows in self._shapes.moving(known, {})]
+
+    def _write(self, write: Callable[[Recording], None]) -> None:
         with self._lock:
             if not self._open or self.fault:
                 return
             try:
-                self._recording.send(topic.name, topic.kind, time, message)
+                write(self._recording)
             except OSError as error:
                 self.fault = f"the recording cannot be written: {error.strerror or error}"
 

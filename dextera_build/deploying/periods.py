@@ -7,25 +7,23 @@ from collections.abc import Mapping
 import numpy as np
 
 from dextera_build.artifacts.tasks.task import TaskBundle
-from dextera_build.deploying.bag import Bag
+from dextera_build.deploying.bag import BASE, Bag
 from dextera_build.deploying.transport import Topic
 from dextera_build.formats.ros import messages
 from dextera_build.policy.declared import BY_NAME
 from dextera_build.policy.observation import Measurement
 from dextera_build.policy.robot_run import OBSERVED, topic
 
-BASE = "base"
-"""Frame of poses, the robot's base."""
-
 
 def observed(bag: Bag, time: int, bundle: TaskBundle, measured: Measurement) -> None:
-    """Write what was measured; an object without a pose is left out."""
+    """Write what was measured, and where it places the links; an object without a pose is left out."""
     joints = [joint.name for joint in bundle.robot.joints]
     bag.add(_topic(OBSERVED, "joints"), time, messages.joint_state(time, joints, measured.joints))
     rows = zip(bundle.objects, measured.objects, strict=True)
     edges = [(BASE, name, pose) for name, pose in rows if np.isfinite(pose).all()]
-    bag.add(_topic(OBSERVED, "objects"), time, messages.transforms(time, edges))
     inner = measured.displacement
+    edges += bag.links(dict(zip((*joints, *bundle.displacement_names), (*measured.joints, *inner), strict=True)))
+    bag.add(_topic(OBSERVED, "objects"), time, messages.transforms(time, edges))
     if len(inner) and np.isfinite(inner).all():
         message = messages.joint_state(time, bundle.displacement_names, inner)
         bag.add(_topic(OBSERVED, "displacement"), time, message)

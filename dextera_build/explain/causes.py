@@ -239,6 +239,6 @@ def _names(questions: Sequence[_Question]) -> str:
 
 def short(value: object) -> str:
     """A value of a key document as one cell: eight digits of a digest, sixty characters of anything else."""
-    text = value if isinstance(value, str) else json.dumps(value)
+    text = value if isinstance(value, str) and value else json.dumps(value)
     is_digest = isinstance(value, str) and len(value) >= 16 and not set(value) - set("0123456789abcdef")
     return text[:8] if is_digest else text if len(text) <= 60 else f"{text[:57]}..."

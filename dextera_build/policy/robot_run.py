@@ -5,6 +5,7 @@ Joints have the names and signs of the robot model, whatever the robot calls the
 
 from __future__ import annotations
 
+import bisect
 import io
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -110,37 +111,6 @@ def recordings(given: File | Folder) -> Iterator[tuple[str, IO[bytes]]]:
         yield name.removesuffix(".mcap").replace("/", "-"), io.BytesIO(given.files[name])
 
 
-def shown(stream: IO[bytes], name: str, times: Sequence[int]) -> Iterator[np.ndarray]:
-    """The pictures (H, W, 3) uint8 sRGB that had arrived last at each of these times [ns], in order.
-
-    Raises:
-        RuleError: The recording has no camera, or several, or a picture comes too late.
-        ArtifactError: It is damaged.
-    """
-    cameras = [each.topic for each in reading.index(stream, name)[0] if each.kind == PICTURES]
-    if len(cameras) != 1:
-        raise RuleError(
-            f"`{name}` has the pictures of {listing(cameras) if cameras else 'no camera'}, not of one",
-            code="DXB-B556",
-            hint="`--view` of `dxb run` and `dxb robot record` records those of one camera",
-        )
-    stream.seek(0)
-    pixels, row = None, 0
-    for time, topic, message in reading.messages(stream, name, cameras):
-        while row < len(times) and times[row] < time:
-            yield _first(pixels, name)
-            row += 1
-        pixels = images.pixels(message, topic)
-    for _ in times[row:]:
-        yield _first(pixels, name)
-
-
-def _first(pixels: np.ndarray | None, name: str) -> np.ndarray:
-    if pixels is None:
-        raise RuleError(f"`{name}` has no picture before the first command", code="DXB-B557")
-    return pixels
-
-
 def read(stream: IO[bytes], name: str, bundle: TaskBundle) -> RobotRun:
     """The run in a recording.
 
@@ -154,16 +124,53 @@ def read(stream: IO[bytes], name: str, bundle: TaskBundle) -> RobotRun:
         ArtifactError: It is damaged, or was not finished.
     """
     reading.index(stream, name)
-    found = _Found(bundle)
+    return _read(stream, name, bundle, "").run()
+
+
+def filmed(stream: IO[bytes], name: str, bundle: TaskBundle) -> tuple[RobotRun, Iterator[np.ndarray]]:
+    """The run in a recording, and for each of its `times` the picture (H, W, 3) uint8 sRGB that had arrived last.
+
+    The file is read once; pictures stay encoded until they are asked for. Arguments and errors are those of `read`.
+
+    Raises:
+        RuleError: It has no camera, or several, or a picture comes too late.
+    """
+    cameras = [each.topic for each in reading.index(stream, name)[0] if each.kind == PICTURES]
+    if len(cameras) != 1:
+        raise RuleError(
+            f"`{name}` has the pictures of {listing(cameras) if cameras else 'no camera'}, not of one",
+            code="DXB-B556",
+            hint="`--view` of `dxb run` and `dxb robot record` records those of one camera",
+        )
+    found = _read(stream, name, bundle, cameras[0])
+    run = found.run()
+    return run, _arrived(found.pictures, cameras[0], run.times, name)
+
+
+def _read(stream: IO[bytes], name: str, bundle: TaskBundle, camera: str) -> _Found:
+    """What the messages of a recording say, with the pictures of a topic, if one is named."""
+    found = _Found(bundle, name, camera)
     wanted = [topic(OBSERVED, term) for term in ("joints", "objects", "displacement")]
-    wanted += [topic(REQUESTED, "action"), topic(SENT, "action"), ABOUT, STATUS, VERDICT]
+    wanted += [topic(REQUESTED, "action"), topic(SENT, "action"), ABOUT, STATUS, VERDICT, *filter(None, [camera])]
     stream.seek(0)
     with reading.damage(name):
         for time, where, message in reading.messages(stream, name, wanted):
             found.add(time, where, message)
     _check(found.about, name, bundle)
-    with reading.damage(name):
-        return found.run()
+    return found
+
+
+def _arrived(
+    pictures: Sequence[tuple[int, Any]], camera: str, times: Sequence[int] | np.ndarray, name: str
+) -> Iterator[np.ndarray]:
+    at, last, pixels = [time for time, _ in pictures], -1, None
+    for time in times:
+        row = bisect.bisect_right(at, time) - 1
+        if row < 0:
+            raise RuleError(f"`{name}` has no picture before the first command", code="DXB-B557")
+        if pixels is None or row != last:
+            pixels, last = images.pixels(pictures[row][1], camera), row
+        yield pixels
 
 
 def _check(about: Mapping[str, str], name: str, bundle: TaskBundle) -> None:
@@ -188,6 +195,10 @@ class _Found:
     """What the messages of a recording say so far."""
 
     bundle: TaskBundle
+    name: str
+    camera: str = ""
+    pictures: list[tuple[int, Any]] = field(default_factory=list)
+    """When each encoded picture of `camera` arrived [ns], in order."""
     about: dict[str, str] = field(default_factory=dict)
     verdict: dict[str, bool | None] = field(default_factory=dict)
     status: str = ""
@@ -202,11 +213,21 @@ class _Found:
             self.verdict = _object(message.data)
         elif where == STATUS:
             self.status = message.data
+        elif where == self.camera:
+            self.pictures.append((time, message))
         else:
             self.places.setdefault(where, {})[time] = dict(_named(where, message))
 
     def run(self) -> RobotRun:
-        """The run."""
+        """The run.
+
+        Raises:
+            ArtifactError: A message that another one needs is missing.
+        """
+        with reading.damage(self.name):
+            return self._run()
+
+    def _run(self) -> RobotRun:
         requested = self.places.get(topic(REQUESTED, "action"), {})
         sent = self.places.get(topic(SENT, "action"), {})
         observed = self.places.get(topic(OBSERVED, "joints"), {})

@@ -13,15 +13,15 @@ from dextera_build.artifacts.tasks.episode import Episode, Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.formats.h264 import Encoder
 from dextera_build.formats.ros import messages
-from dextera_build.formats.ros.recording import Recording, packed
+from dextera_build.formats.ros.recording import LATCHED, Recording, packed
 from dextera_build.geometry import poses
 from dextera_build.policy.declared import BY_NAME
 from dextera_build.policy.layout import of_episodes
 from dextera_build.policy.terms import Term
 from dextera_build.rule import Backend, Context, Options
+from dextera_build.sim.observe.shapes import Shapes
 
 from .mcap_place import place
-from .mcap_scene import Drawn
 
 if TYPE_CHECKING:
     from .mcap import McapOptions
@@ -34,12 +34,6 @@ BACKEND = Backend(
 )
 BASE = "base"
 """The robot's base frame."""
-FOREVER = "{sec: 9223372036, nsec: 854775807}"
-LATCHED = (
-    "- {history: 1, depth: 1, reliability: 1, durability: 1, liveliness: 1, avoid_ros_namespace_conventions: false, "
-    f"deadline: {FOREVER}, lifespan: {FOREVER}, liveliness_lease_duration: {FOREVER}}}"
-)
-"""Quality of service of one-time messages: reliable and transient local, for late subscribers."""
 
 
 def write(
@@ -53,18 +47,18 @@ def write(
     options: Options,
 ) -> None:
     """Write each recording below `out`."""
-    drawn = Drawn(bundle)
-    if drawn.clashes:
-        ctx.fail("an object has the name of a link of the robot", names=", ".join(sorted(drawn.clashes)))
+    shapes = Shapes(bundle)
+    if shapes.clashes:
+        ctx.fail("an object has the name of a link of the robot", names=", ".join(sorted(shapes.clashes)))
     if common.shapes == "beside":
         with (out / "scene.mcap").open("wb") as file:
             beside = Recording(file, common.compression)
-            drawn.send(beside, episodes.in_order()[0][1], LATCHED, scaled=False)
+            shapes.send(beside, 0, {})
             beside.finish()
     for number, (label, episode) in enumerate(episodes.in_order()):
         pictures = _encoded(film, label, episodes, common) if film is not None else None
         with (out / f"episode-{number:06d}.mcap").open("wb") as file:
-            recording = EpisodeRecording(file, episodes, common, drawn)
+            recording = EpisodeRecording(file, episodes, common, shapes)
             recording.describe(bundle, label, episode)
             recording.once(bundle, view, episode)
             for step in range(len(episode.joints)):
@@ -90,11 +84,11 @@ class EpisodeRecording:
         file: Where to write.
         episodes: Names and rate of the recorded channels.
         options: Name of the camera, image encoding, compression.
-        drawn: Links and shapes of the task.
+        shapes: Links and shapes of the task.
     """
 
-    def __init__(self, file: BinaryIO, episodes: Episodes, options: McapOptions, drawn: Drawn) -> None:
-        self._episodes, self._options, self._drawn = episodes, options, drawn
+    def __init__(self, file: BinaryIO, episodes: Episodes, options: McapOptions, shapes: Shapes) -> None:
+        self._episodes, self._options, self._shapes = episodes, options, shapes
         self._out = Recording(file, options.compression)
         self._optical = f"{options.camera}_color_optical_frame"
         # The goal is in `task.json`, so its names are not needed.
@@ -126,10 +120,13 @@ class EpisodeRecording:
         if view is not None:
             camera = bundle.base_pose.inverse() @ view.camera_pose
             edges.append((BASE, self._optical, poses.from_matrix(camera.matrix)))
-        edges += self._drawn.fixed(episode)
-        self._moving = self._drawn.moving(self._episodes, episode)
-        if self._options.shapes == "each" or episode.start.size_scale:
-            self._drawn.send(self._out, episode, LATCHED)
+        sizes = episode.start.size_scale
+        edges += self._shapes.fixed(sizes)
+        joints = dict(zip(self._episodes.joint_names, episode.joints.T.astype(np.float64), strict=True))
+        joints |= dict(zip(self._episodes.displacement_names, episode.displacement.T.astype(np.float64), strict=True))
+        self._moving = self._shapes.moving(joints, sizes)
+        if self._options.shapes == "each" or sizes:
+            self._shapes.send(self._out, 0, sizes)
         # In one message: late subscribers get only the last one.
         self._out.send("/tf_static", "tf2_msgs/TFMessage", 0, messages.transforms(0, edges), LATCHED)
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from dextera_build.artifacts.robots.ros_names import RosNames
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.deploying import topics as tables
 from dextera_build.deploying.bag import ABOUT, SUMMARY, VERDICT, Bag
 from dextera_build.deploying.cell import RosCell, Safety
@@ -83,6 +84,7 @@ def recording(
     """The recording of a run in the simulated robot, with what its camera shows; `about` replaces facts."""
     rig = Rig(out=io.BytesIO(), camera=camera)
     rig.sleep(0.1)
+    rig.bag.describe(rig.bundle, rig.time)
     said = {"policy": "0" * 64, "algorithm": "line", "origin": origin}
     rig.bag.state(ABOUT, rig.time, facts(rig.cell, rig.bundle) | said | about)
     ran = rig.drive(acting, limit_s)
@@ -147,16 +149,19 @@ class Rig:
         safety: Safety | None = None,
         cell_names: RosNames | None = None,
         out: Any = None,
+        bundle: TaskBundle | None = None,
+        seed: int | None = None,
     ) -> None:
-        self.bundle = task_bundles.lift()
+        self.bundle = bundle or task_bundles.lift()
         self.time = 1_000 * 1_000_000_000
         self.bus = Bus(now=lambda: self.time)
         cameras = () if camera is None else ("workspace",)
         topics = tables.of_robot(self.bundle.robot, names or RosNames(), cameras)
         look = None if camera is None else lambda: camera + np.uint8(self.time // TICK_NS % 2)  # as noise
-        self.robot = SimulatedRobot(
-            Loopback(self.bus), topics, Environment(self.bundle), simulation or Simulation(), look
-        )
+        world = Environment(self.bundle)
+        if seed is not None:
+            world.begin(world.draw(seed))
+        self.robot = SimulatedRobot(Loopback(self.bus), topics, world, simulation or Simulation(), look)
         self.file = io.BytesIO() if out is None else out
         self.bag = Bag(self.file)
         believed = topics if cell_names is None else tables.of_robot(self.bundle.robot, cell_names, cameras)
@@ -175,4 +180,4 @@ class Rig:
         """Run a policy."""
         goal = self.robot.environment.goal
         clock = Clock(lambda: self.time, self.sleep)
-        return drive(self.cell, policy, goal, rate_hz=20.0, limit_s=limit_s, clock=clock)
+        return drive(self.cell, policy, goal, rate_hz=self.bundle.task.control_hz, limit_s=limit_s, clock=clock)

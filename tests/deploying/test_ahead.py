@@ -14,7 +14,9 @@ import pytest
 pytest.importorskip("rosbags", reason="needs rosbags (extra `ros`)")
 
 from dextera_build.deploying.ahead import Ahead
+from dextera_build.deploying.cell import Safety
 from dextera_build.policy.observation import DeployableObservation
+from dextera_build.policy.running import Ensemble
 from tests.deploying.robots import Lifting, Rig
 
 STEPS = 12
@@ -124,6 +126,26 @@ def test_a_new_chunk_begins_at_the_last_command() -> None:
     assert len(steps) == 59
     assert np.abs(steps).max() < 0.004 + jump / 4
     assert np.abs(steps).max() < jump / 2
+
+
+def test_overlapping_answers_are_averaged_as_without_a_thread() -> None:
+    rig = Rig(safety=Safety(ramp_s=0.0))
+    drift = np.arange(STEPS)[:, None] * np.array([0.002, 0, 0, 0, 0])  # every answer is wrong farther ahead
+
+    class Drifting:
+        def reset(self) -> None: ...
+
+        def chunk(self, *observations: DeployableObservation) -> np.ndarray:
+            return np.add([0.03, -0.02, 0.05, 0.04, 0.04], drift)
+
+    _, found = sent(rig, ahead(rig, Drifting(), 0.04, every=1), 4.0)
+    together = Ensemble(1, 0.0)
+    for _ in range(STEPS):
+        together.add(Drifting().chunk())
+        wanted = together.take()
+    assert wanted[0] == pytest.approx(0.03 + 0.002 * (STEPS - 1) / 2)
+    # An answer is a control period old when it arrives, which is half a period of drift in the mean.
+    assert found[-1] == pytest.approx(wanted, abs=0.0011)
 
 
 def test_steps_that_are_used_up_are_counted_and_the_robot_holds() -> None:

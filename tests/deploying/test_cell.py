@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import io
+from typing import Any
+from xml.etree import ElementTree
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -15,7 +18,11 @@ from dextera_build.deploying.bag import INTERVENTIONS
 from dextera_build.deploying.simulated import Simulation
 from dextera_build.errors import RuleError
 from dextera_build.formats.ros import reading
+from dextera_build.geometry import poses
+from dextera_build.sim.model import model as models
+from dextera_build.sim.model.compose import ROBOT
 from tests import task_bundles
+from tests.deploying import robots
 from tests.deploying.robots import Line, Rig
 
 TARGETS = np.array([0.03, -0.02, 0.05, 0.04, 0.04])
@@ -149,6 +156,38 @@ def test_every_message_is_in_the_recording() -> None:
     kept.seek(0)
     states = list(reading.messages(kept, "run.mcap", ["/joint_states"]))
     assert list(states[0][2].name) == list(task_bundles.JOINTS)
+
+
+def test_viewers_find_the_robot_and_the_shapes_in_a_recording() -> None:
+    recording = robots.recording(robots.Lifting((robots.OVER,)), limit_s=1.0)
+    topics = ["/robot_description", "/scene/objects", "/tf_static", "/observed/tf", "/observed/joint_states"]
+    found: dict[str, list[Any]] = {}
+    for _, topic, message in reading.messages(io.BytesIO(recording), "run.mcap", topics):
+        found.setdefault(topic, []).append(message)
+    ((description,), (shapes,), (fixed,)) = (found[topic] for topic in topics[:3])
+    robot = ElementTree.fromstring(description.data)
+    assert {joint.get("name") for joint in robot.iter("joint")} >= set(task_bundles.JOINTS)
+    assert [marker.header.frame_id for marker in shapes.markers] == ["box", "case", "case_lid"]
+    assert ("world", "base") in [(each.header.frame_id, each.child_frame_id) for each in fixed.transforms]
+    bundle = task_bundles.lift()
+    model = models.compile_folder(bundle.model)
+    data = mujoco.MjData(model)
+    last = dict(zip(found[topics[4]][-1].name, found[topics[4]][-1].position, strict=True))
+    for name, place in last.items():
+        data.joint(ROBOT + name).qpos[0] = place
+    mujoco.mj_kinematics(model, data)
+    edges = {each.child_frame_id: each for each in (*fixed.transforms, *found[topics[3]][-1].transforms)}
+
+    def placed(link: str) -> np.ndarray:
+        if link == "world":
+            return np.eye(4)
+        at, turn = edges[link].transform.translation, edges[link].transform.rotation
+        above = placed(edges[link].header.frame_id)
+        return above @ poses.to_matrix(np.array([at.x, at.y, at.z, turn.w, turn.x, turn.y, turn.z]))
+
+    for joint in task_bundles.JOINTS:
+        body = model.body(int(model.jnt_bodyid[model.joint(ROBOT + joint).id]))
+        np.testing.assert_allclose(placed(body.name.removeprefix(ROBOT))[:3, 3], data.body(body.name).xpos, atol=1e-9)
 
 
 def test_a_recording_that_cannot_be_written_stops_the_run() -> None:

@@ -27,9 +27,24 @@ def solids(ctx: Context, text: File) -> Collection[Mesh]:
     words = text.data.decode().split()
     return Collection[Mesh](items={word: corner(number + 1.0) for number, word in enumerate(words)})
 """
+SIZES = """
+'''toy.sizes: a table of solids.'''
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.table import Column, Table
+from dextera_build.rule import Context, rule
+
+@rule(version=1)
+def sizes(ctx: Context, solids: Collection[Mesh]) -> Table:
+    '''Return one row a solid.'''
+    columns = (Column(name="solid"), Column(name="edge", unit="m", digits=1), Column(name="why"))
+    rows = tuple((name, float(mesh.vertices.max()) / 3, None) for name, mesh in solids.items.items())
+    return Table(title="Sizes", columns=columns, rows=rows)
+"""
 RECIPE = """nodes:
   start: {rule: toy.start, text: one two}
   solids: {rule: toy.solids, text: $start}
+  sizes: {rule: toy.sizes, solids: $solids}
 """
 BACKWARD = """nodes:
   end: {rule: toy.shout, text: $middle}
@@ -44,6 +59,7 @@ def built(tmp_path_factory):
     """A built project, which tests only ask."""
     space = small_project(tmp_path_factory.mktemp("solids"))
     space.write("rules/toy/solids.py", SOLIDS.lstrip())
+    space.write("rules/toy/sizes.py", SIZES.lstrip())
     space.write("recipes/say/solids.yaml", RECIPE)
     assert space.build("say/solids").code == 0
     return space
@@ -79,6 +95,13 @@ def test_a_part_is_shown_with_its_facts_and_fields(built):
     assert rows["of"] == "say/solids:solids"
     assert rows["result"].startswith("4 vertices")
     assert rows["fields"]["faces"] == {"told": "int32 (4, 3)", "value": None, "dtype": "int32", "shape": [4, 3]}
+
+
+def test_a_table_is_shown_as_rows_with_its_digits(built):
+    told = dict(line.split("\t") for line in built.dxb("show", "say/solids:sizes").out.splitlines())
+    assert told["columns"] == "solid, edge [m], why"
+    assert (told["row 1"], told["row 2"]) == ("one, 0.3, -", "two, 0.7, -")
+    assert built.dxb("show", "say/solids:sizes", "--json").document["fields"]["rows"]["value"][0][0] == "one"
 
 
 @pytest.mark.slow

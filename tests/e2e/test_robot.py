@@ -7,6 +7,7 @@ import json
 import os
 import signal
 import subprocess
+import time
 from pathlib import Path
 from typing import Any
 
@@ -253,6 +254,7 @@ def test_a_policy_drives_a_robot_over_dds(built: Space) -> None:
     assert counts["/rails/commands"] == counts["/hand/trajectory"] == counts["/requested/joint_trajectory"] == 20
     assert counts["/joint_states"] > 100
     assert counts[PICTURES] > 5
+    assert counts["/robot_description"] == counts["/scene/objects"] == counts["/tf_static"] == 1
     done = space.build("task/from_robot", "--input", "task=task/try:task", "--input", "runs=whole.mcap")
     assert done.code == 0, done.err[-3000:]
     assert "0 of 1" in space.dxb("show", "task/from_robot:trials").out
@@ -339,6 +341,46 @@ def test_a_policy_of_another_process_drives_a_robot_over_dds(built: Space) -> No
     nobody = space.dxb("run", "task/try", "--policy", address, *NAMES)
     assert nobody.code == 4
     assert "DXB-E328" in nobody.err
+
+
+def moving(space: Space, policy: str) -> subprocess.Popen[str]:
+    """A run that has begun to move the robot."""
+    made = space.start("run", "task/try", "--policy", policy, "--out", "killed.mcap", "--json", "--limit", "60", *NAMES)
+    assert made.stderr is not None
+    while "press Ctrl-C to stop" not in (line := made.stderr.readline()):
+        assert line, "the run ended"
+    time.sleep(2.0)  # ten control periods
+    return made
+
+
+@pytest.mark.slow
+def test_a_policys_process_that_is_killed_leaves_the_robot_held(built: Space) -> None:
+    pytest.importorskip("websockets", reason="needs websockets (extra `serve`)")
+    space = built
+    server = space.start("serve", "task/try:policy", "--port", "0", "--json")
+    assert server.stdout is not None
+    robot = started(space)
+    try:
+        run = moving(space, documents.read(server.stdout.readline())["url"])
+        server.kill()
+        out, err = run.communicate(timeout=60)
+        time.sleep(1.0)
+    finally:
+        heard = ended(robot)
+        server.kill()
+        server.wait(60)
+    told = documents.read(out)
+    assert run.returncode == 1, err
+    assert "the connection to the policy at" in told["reason"]
+    assert told["steps"] >= 1
+    assert heard["commands"] == 2 * told["steps"]
+    assert heard["commands_after_stop"] == 0
+    assert heard["status"][-1].startswith("stopped: the connection to the policy at")
+    bundle = lift()
+    with (space.root / "killed.mcap").open("rb") as stream:
+        run_made = robot_run.read(stream, "killed.mcap", bundle)
+    assert len(run_made.sent) == told["steps"]
+    assert heard["joints"] == pytest.approx(dict(zip(TARGETS, run_made.sent[-1], strict=True)), abs=5e-3)
 
 
 @pytest.mark.parametrize(

@@ -30,6 +30,20 @@ def test_push_and_pull(space: Space, served: str) -> None:
 
 
 @pytest.mark.medium
+def test_a_build_says_how_results_from_before_it_reach_a_remote(space: Space) -> None:
+    assert space.build("say/words:words").code == 0
+    built = space.dxb("build", "say/words", "--console", "plain", "--cache", "local:rw,./share:rw")
+    assert built.code == 0, built.err
+    (command,) = (line.partition(": ")[2] for line in built.err.splitlines() if "from before this build" in line)
+    assert command == "dxb cache push say/words --to ./share"
+    assert space.dxb(*command.split()[1:]).code == 0
+    fresh = space.dxb(
+        "build", "say/words", "--console", "plain", "--cache", "local:rw,./share:r", env={"DXB_CACHE": "two"}
+    )
+    assert "7 nodes: 7 fetched" in fresh.err
+
+
+@pytest.mark.medium
 def test_a_plan_says_what_a_remote_has(space: Space, served: str) -> None:
     space.build("say/words")
     space.dxb("cache", "push", "say/words", "--to", served)

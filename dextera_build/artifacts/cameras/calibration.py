@@ -88,8 +88,5 @@ class Calibration(Artifact):
         return next((len(series) for name in SERIES if (series := getattr(self, name)) is not None), 0)
 
     def sigma(self) -> tuple[float, float] | None:
-        """Standard deviation of the position [m] and of the rotation [rad], over all axes; None if not stated."""
-        if self.pose.covariance is None:
-            return None
-        spread = np.diag(self.pose.covariance)
-        return float(np.sqrt(spread[:3].sum())), float(np.sqrt(spread[3:].sum()))
+        """See `Pose.sigma`."""
+        return self.pose.sigma()

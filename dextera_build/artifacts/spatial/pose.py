@@ -42,6 +42,13 @@ class Pose(Artifact):
             stamp=_shared_stamp(self, other),
         )
 
+    def sigma(self) -> tuple[float, float] | None:
+        """Standard deviation of the position [m] and of the rotation [rad], over all axes; None if not stated."""
+        if self.covariance is None:
+            return None
+        spread = np.diag(self.covariance)
+        return float(np.sqrt(spread[:3].sum())), float(np.sqrt(spread[3:].sum()))
+
     def inverse(self) -> Pose:
         """T_child_parent."""
         covariance = None if self.covariance is None else uncertainty.invert(self.matrix, self.covariance)

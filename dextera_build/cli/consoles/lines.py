@@ -198,6 +198,12 @@ def uploaded(event: Uploaded) -> list[Line]:
     return found
 
 
+def unsent(recipe: str, event: Uploaded, before: int) -> Line:
+    """How to upload the results that a build found in the store: it uploads only those of nodes that ran."""
+    said = f"  {count(before, 'result')} from before this build not looked for there: "
+    return [(said, "dim"), (f"dxb cache push {recipe} --to {event.remote}", "path")]
+
+
 def costs(found: Costs) -> list[Line]:
     """`  cost: 0.0400 USD for 2 requests to forge`; nothing if no request had a price."""
     return [[("  cost: ", "dim"), (printable(str(found)), "")]] if str(found) else []

@@ -126,6 +126,8 @@ class Record:
     def closing(self, event: RunFinished) -> list[Line]:
         """The last lines of a run."""
         sent = [line for uploaded in self._uploaded for line in lines.uploaded(uploaded)]
+        before = event.counts.get("cached", 0)
+        sent += [lines.unsent(self.recipe, each, before) for each in self._uploaded if each.results and before]
         last = [lines.summary(self.recipe, event), *lines.costs(self._costs), *sent]
         fresh = event.ok and event.counts.get("cached", 0) != sum(event.counts.values())
         return [*last, lines.next_steps(self.recipe)] if fresh else last

@@ -7,6 +7,7 @@ import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from dextera_build.artifacts.core.identity import parse
 from dextera_build.building import part
 from dextera_build.explain import origins, stubs
 from dextera_build.explain.reads import Reads
@@ -118,7 +119,23 @@ def _header(session: Session, output: str) -> dict[str, Any]:
 
 def _header_text(found: Mapping[str, Any]) -> dict[str, str]:
     rows = {"type": found["type"]} if found["type"] is not None else {}
-    return rows | {f"field {name}": field["told"] for name, field in found["fields"].items()}
+    fields = {name: field["told"] for name, field in found["fields"].items()}
+    if rows and parse(found["type"])[0] == "Table":
+        del fields["columns"], fields["rows"]
+        rows |= _table({name: field["value"] for name, field in found["fields"].items()})
+    return rows | {f"field {name}": told for name, told in fields.items()}
+
+
+def _table(fields: Mapping[str, Any]) -> dict[str, str]:
+    """Headings and rows of a table."""
+    columns = [each["$value"] for each in fields["columns"]]
+    heads = [f"{each['name']} [{each['unit']}]" if each["unit"] else each["name"] for each in columns]
+    rows = {"columns": ", ".join(heads)}
+    for number, row in enumerate(fields["rows"], 1):
+        cells = zip(row, columns, strict=True)
+        told = [f"{cell:.{column['digits']}f}" if isinstance(cell, float) else str(cell) for cell, column in cells]
+        rows[f"row {number}"] = ", ".join("-" if each == "None" else each for each in told)
+    return rows
 
 
 def _field(session: Session, value: Any) -> dict[str, Any]:
@@ -131,7 +148,14 @@ def _field(session: Session, value: Any) -> dict[str, Any]:
         return row | {"told": _inner(json.loads(session.store.blobs.get(value["$ref"])))}
     if isinstance(value, dict):
         return row | {"told": ", ".join(value.get("$map", {})) or next(iter(value), "").removeprefix("$")}
-    return row | {"told": _short(json.dumps(value)), "value": value}
+    return row | {"told": _short(json.dumps(_rounded(value))), "value": value}
+
+
+def _rounded(value: Any) -> Any:
+    """Plain data with six digits of each number."""
+    if isinstance(value, list):
+        return [_rounded(each) for each in value]
+    return float(f"{value:.6g}") if isinstance(value, float) else value
 
 
 def _inner(header: dict[str, Any]) -> str:

@@ -55,5 +55,7 @@ def run(args: argparse.Namespace) -> int:
     print(session.project.shown(out.absolute()))
     for task in task_file.tasks(library, assets):
         print(f"  {task.proposal.name}: {task.primitive} `{task.object}`")
-    print("  keep the tasks that you want, and check every marked guess", file=sys.stderr)
+    built = f"dxb build task/{out.stem}"
+    print(f"  keep the tasks that you want, check every marked guess, then: {built}", file=sys.stderr)
+    print("  a recipe that `extends: task/line` makes demonstrations and policies of one: docs/tasks.md", file=sys.stderr)
     return 0

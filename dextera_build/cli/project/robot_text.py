@@ -43,7 +43,7 @@ class Text:
             yield f"link `{link}` is called `{new}`, because the root of a robot model is `{link}`"
         for prefix, found in self._guesses():
             for role, each in self._frames(found).items():
-                yield f"{role} = {prefix + each.spot.link}: {each.confidence}, {each.why}"
+                yield f"{role} = {self._link(prefix, each)}: {each.confidence}, {each.why}"
             for limb, (joint, opened, closed) in found.grippers.items():
                 yield f"gripper of {limb} = {prefix + joint}: open at {opened:.4g}, closed at {closed:.4g}"
             if found.still:
@@ -108,12 +108,13 @@ class Text:
             lines.append("    # along the palm's z, and those of a hand along its x and bend to its z.")
             lines.append("    frames:")
             for prefix, roles in frames:
-                lines += [_frame(prefix, role, each, self._root(prefix)) for role, each in roles.items()]
+                lines += [_frame(role, each, self._link(prefix, each)) for role, each in roles.items()]
         return lines
 
-    def _root(self, prefix: str) -> str:
-        """Name in the robot of the root of a part."""
-        return prefix + self._parts[1].root if prefix else "base"
+    def _link(self, prefix: str, role: Role) -> str:
+        """Name in the robot of the link of a role; the root of an attached hand keeps its own name."""
+        of_hand = prefix and role.spot.link == "base"
+        return prefix + (self._parts[1].root if of_hand else role.spot.link)
 
     def _grips(self) -> list[str]:
         """Grippers, and limbs that push."""
@@ -181,9 +182,8 @@ def _followers(parts: Sequence[tuple[str, Source, Guess]]) -> list[str]:
     return [why, "    followers:", *lines] if lines else []
 
 
-def _frame(prefix: str, role: str, each: Role, root: str) -> str:
+def _frame(role: str, each: Role, link: str) -> str:
     spot = each.spot
-    link = root if spot.link == "base" else prefix + spot.link
     place = ", ".join(_short(value, 4) for value in spot.at)
     turn = ", ".join(_short(value, 6) for value in spot.turn)
     turned = "" if abs(abs(float(spot.turn[0])) - 1) < 1e-6 else f", quaternion: [{turn}]"

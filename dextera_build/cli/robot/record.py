@@ -31,6 +31,7 @@ def run(args: argparse.Namespace) -> int:
         cell = RosCell(transport, here.topics, here.bundle, NEEDED, bag=bag)
         made = Demonstration(transport, here.topics, here.bundle, cell, bag)
         connected.refuse(args, here, transport, cell)
+        bag.describe(here.bundle, time.time_ns())
         about = {"policy": "", "algorithm": "", "origin": "operator"}
         bag.state(ABOUT, time.time_ns(), facts(cell, here.bundle) | about)
         reason, faulty = _recorded(made, cell.rate_hz, args.limit or here.bundle.task.timeout_s)

@@ -54,6 +54,7 @@ def run(args: argparse.Namespace) -> int:
             cell = RosCell(transport, here.topics, here.bundle, needed, safety, bag)
             connected.refuse(args, here, transport, cell)
             about = {"policy": digest, "algorithm": policy.contract.algorithm, "origin": "policy"}
+            bag.describe(here.bundle, time.time_ns())
             bag.state(ABOUT, time.time_ns(), facts(cell, here.bundle) | about)
             ran, told = _driven(args, here, cell, policy, terms, bag)
     connected.tell(args, told, out)

@@ -12,6 +12,13 @@ import numpy as np
 
 from dextera_build.formats.ros import types
 
+_FOREVER = "{sec: 9223372036, nsec: 854775807}"
+LATCHED = (
+    "- {history: 1, depth: 1, reliability: 1, durability: 1, liveliness: 1, avoid_ros_namespace_conventions: false, "
+    f"deadline: {_FOREVER}, lifespan: {_FOREVER}, liveliness_lease_duration: {_FOREVER}}}"
+)
+"""Quality of service of one-time messages: reliable and transient local, for late subscribers."""
+
 
 class Recording:
     """An MCAP file that is being written; channels are created with their first message.

@@ -25,7 +25,7 @@ def camera_base(ctx: Context, calibration: Calibration, *, options: CameraBaseOp
             hint="calibrate a camera next to the robot",
         )
     found = calibration.pose.inverse().model_copy(update={"parent": "camera", "child": "base"})
-    sigma = calibration.sigma()
+    sigma = found.sigma()
     told = "" if sigma is None else f", sigma {1000 * sigma[0]:.1f} mm and {np.degrees(sigma[1]):.2f} deg"
     ctx.say(f"base {np.linalg.norm(found.matrix[:3, 3]):.2f} m from the camera{told}")
     return found

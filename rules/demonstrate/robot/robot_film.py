@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import islice
 
 import numpy as np
 from pydantic import PositiveInt
@@ -50,10 +51,8 @@ def robot_film(
         for name, stream in robot_run.recordings(runs):
             if name not in episodes.items:
                 continue
-            times = robot_run.read(stream, f"{name}.mcap", bundle).times
-            steps = len(episodes.items[name].joints)
-            stream.seek(0)
-            frames = np.stack(list(robot_run.shown(stream, f"{name}.mcap", times[:steps].tolist())))
+            _, pictures = robot_run.filmed(stream, f"{name}.mcap", bundle)
+            frames = np.stack(list(islice(pictures, len(episodes.items[name].joints))))
             size, wanted = frames.shape[1:3], (view.camera.height, view.camera.width)
             ctx.check(
                 size == wanted,

@@ -23,8 +23,8 @@ from .amounts import amount
 class UrdfOptions(Options):
     """Options of simulate.urdf: joint properties required by URDF but not visible in a photograph."""
 
-    name: str = "object"
-    """Name of the robot element."""
+    name: str = ""
+    """Name of the robot element; empty: the object's category."""
     effort_nm: PositiveFloat = 5.0
     """Maximum torque or force of a joint [N m or N]."""
     velocity_rad_s: PositiveFloat = 5.0
@@ -35,7 +35,7 @@ class UrdfOptions(Options):
     """Dry friction of a joint [N m or N]; holds a lid in place."""
 
 
-@rule(version=2, packages=("scipy",))
+@rule(version=3, packages=("scipy",))
 def urdf(ctx: Context, asset: Asset, *, options: UrdfOptions) -> Folder:
     """Return `object.urdf` with its meshes, in metres and radians, all paths relative.
 
@@ -44,7 +44,7 @@ def urdf(ctx: Context, asset: Asset, *, options: UrdfOptions) -> Folder:
     which URDF cannot represent.
     """
     files: dict[str, bytes] = {}
-    robot = urdf_xml.root(options.name)
+    robot = urdf_xml.root(options.name or asset.category)
     origins = {joint.child: joint.origin for joint in asset.body.joints}
     for name, link in asset.body.links.items():
         origin = np.array(origins.get(name, (0.0, 0.0, 0.0)))

@@ -18,6 +18,7 @@ from dextera_build.rule import Context, Options, rule
 from dextera_build.sim.model import description
 from dextera_build.sim.usd import packing
 
+from .amounts import amount
 from .metric import metric
 
 ROBOT = "robot/"
@@ -88,5 +89,6 @@ def usd(
     ctx.metric("size", size, "MB")
     fixed = f", {len(held)} held" if held else ""
     with_robot = "" if robot is None else f", a robot of {len(robot.joints)} joints"
-    ctx.say(f"{len(assets.items)} objects, {joints} joints{fixed}{with_robot}, valid, {size:.1f} MB")
+    counts = f"{amount(len(assets.items), 'object')}, {amount(joints, 'joint')}"
+    ctx.say(f"{counts}{fixed}{with_robot}, valid, {size:.1f} MB")
     return result

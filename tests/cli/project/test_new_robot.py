@@ -137,6 +137,7 @@ def test_an_arm_and_a_hand_of_two_files_become_one_robot(space, tmp_path):
     assert node["attach"]["hand"] == "hand/hand.xml"
     assert node["attach"]["at"] == "flange"
     assert node["frames"]["flange"]["link"] == "tool0"
+    assert f"palm = {node['frames']['palm']['link']}: " in answer.err
     built = space.dxb("build", "robot/arm_with_hand", "--console", "plain")
     assert built.code == 0, built.err
     assert "3 joints (1 of the hand)" in built.err

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dextera_build.artifacts.tasks.episode import Film
+from dextera_build.building import one_file
 from dextera_build.errors import RuleError
 from dextera_build.sim.model import model as models
 from dextera_build.sim.render import rendering
@@ -105,6 +106,25 @@ def test_it_exports_one_moving_picture_per_episode(film: Film, tmp_path: Path) -
         assert picture.n_frames == 12
         picture.seek(11)
         np.testing.assert_array_equal(np.asarray(picture.convert("RGB")), film.pixels("1")[11])
+
+
+@pytest.mark.medium
+def test_it_is_one_mp4_with_all_episodes_one_after_the_other(tmp_path: Path) -> None:
+    av = pytest.importorskip("av")
+    made = np.full((2, 5, 33, 49, 3), 40, np.uint8)
+    for episode, step in np.ndindex(2, 5):  # a bright square, farther right in each frame
+        made[episode, step, 8:24, 4 * (5 * episode + step) :][:, :8] = (230, 200, 60)
+    film = Film(frames={name: Film.packed(made[row]) for row, name in enumerate("ab")}, width=49, height=33)
+    (path,) = one_file.write(film, tmp_path / "film.mp4")  # as `dxb get -o film.mp4` does
+    with av.open(path) as container:
+        (stream,) = container.streams.video
+        assert (stream.codec_context.name, float(stream.average_rate)) == ("h264", 20.0)
+        frames = np.array([frame.to_ndarray(format="rgb24") for frame in container.decode(stream)])
+    assert frames.shape == (10, 32, 48, 3)  # H.264 takes even sizes
+    wanted = made.reshape(10, 33, 49, 3)[:, :32, :48]
+    assert np.abs(frames.astype(int) - wanted).mean() < 6
+    left = (frames[:, 8:24, :, 0].mean(axis=1) > 135).argmax(axis=1)
+    assert np.abs(left - 4 * np.arange(10)).max() <= 1
 
 
 def test_a_film_for_people_is_larger_and_shows_the_first_episodes(film: Film, tmp_path: Path) -> None:

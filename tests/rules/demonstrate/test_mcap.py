@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import importlib.util
 import io
 import json
@@ -12,6 +11,7 @@ import sys
 from collections import defaultdict
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -30,11 +30,13 @@ from dextera_build.formats.ros import types as ros_types
 from dextera_build.formats.ros.cdr import Cdr
 from dextera_build.geometry import quaternions
 from dextera_build.sim.model import skins
+from dextera_build.sim.observe import shapes
 from dextera_build.testing import RuleRunner
 from tests import episodes, readers
 
 STEPS = 7
-ONCE = ("/tf_static", "/robot_description", "/scene/objects", "/scene/static")
+BOXES = ("/scene/box/robot_description", "/scene/case/robot_description")
+ONCE = ("/tf_static", "/robot_description", "/scene/objects", "/scene/static", *BOXES)
 READER = Path(__file__).with_name("rosbags_reader.py")
 
 
@@ -152,14 +154,27 @@ def test_viewers_find_the_robot_and_the_objects(
     np.testing.assert_allclose(np.array([vector(point) for point in lid.points])[:, 1].min(), -0.1, atol=1e-6)
 
 
+def test_objects_are_boxes_for_viewers_without_markers(topics: dict[str, list[tuple[int, Any]]]) -> None:
+    ((_, objects),) = topics["/scene/objects"]
+    links = {}
+    for topic in BOXES:
+        ((_, message),) = topics[topic]
+        links |= {link.get("name"): link for link in ElementTree.fromstring(message.data).iter("link")}
+    for marker in objects.markers:
+        corners = np.array([vector(point) for point in marker.points])
+        box, origin = (links[marker.header.frame_id].find(f"visual/{each}") for each in ("geometry/box", "origin"))
+        size, middle = (np.array(each.split(), float) for each in (box.get("size"), origin.get("xyz")))
+        np.testing.assert_allclose(middle - size / 2, corners.min(axis=0), atol=1e-6)
+        np.testing.assert_allclose(middle + size / 2, corners.max(axis=0), atol=1e-6)
+
+
 def test_shapes_with_a_texture_are_cut_into_patches_of_one_colour() -> None:
-    triangles = importlib.import_module("rules.demonstrate.mcap_scene").triangles
     corners = np.array([[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]], np.float32)
     faces, uv = np.array([[0, 1, 2], [0, 2, 3]]), corners[[0, 1, 2, 0, 2, 3], :2] / 0.1
     texture = np.zeros((2, 2, 3), np.uint8)
     texture[0, 0] = 255  # above x < 0.05, y > 0.05
     skin = skins.Skin(corners, faces, (1.0, 1.0, 1.0, 1.0), texture, uv)
-    marker = triangles("box", "box/0", skin, np.array([0.0, 0.0, 0.02]), 2.0)
+    marker = shapes.triangles("box", "box/0", skin, np.array([0.0, 0.0, 0.02]), 2.0)
     cut = marker.points.reshape(-1, 3, 3)
     assert np.linalg.norm(np.cross(cut[:, 1] - cut[:, 0], cut[:, 2] - cut[:, 0]), axis=1).sum() / 2 == pytest.approx(
         0.04
@@ -358,4 +373,4 @@ def test_rerun_converts_robot_frames_joints_and_pictures(folder: Folder, made: E
     np.testing.assert_allclose(found["place"], episode.objects[:, 0, :3], atol=1e-6)
     assert len(found["images"]) == STEPS
     assert found["resolution"].tolist() == [64, 48]
-    assert found["drawn"].tolist() == ["base", "link_1", "link_2", "link_3"]
+    assert found["drawn"].tolist() == ["base", "box", "case", "case_lid", "link_1", "link_2", "link_3"]

@@ -148,6 +148,11 @@ def test_what_urdf_demands_of_every_link_and_joint_is_there(runner):
     assert {node.get("rpy") for node in root.iter("origin")} == {"0 0 0"}
 
 
+def test_a_robot_is_called_after_its_object(runner):
+    written = runner.run("simulate.urdf", asset=factories.laptop_asset())
+    assert ElementTree.fromstring(written.files["object.urdf"]).get("name") == "laptop"
+
+
 def test_the_pose_in_the_world_stands_beside_it(runner):
     written = runner.run("simulate.urdf", asset=factories.laptop_asset(factories.pose(0.1, 0.2)))
     placement = json.loads(written.files["placement.json"])

@@ -39,7 +39,7 @@ def test_every_backend_writes_a_stage_with_its_objects(backend: ModuleType, tmp_
     assert layer.ImportFromString(folder.files["scene.usda"].decode())
     assert layer.defaultPrim == "World"
     assert layer.GetPrimAtPath("/World/laptop")
-    assert context.outcome.line.startswith("2 objects, 1 joints, valid")
+    assert context.outcome.line.startswith("2 objects, 1 joint, valid")
 
 
 @pytest.mark.parametrize(("form", "files"), [("usdc", {"scene.usdc", "textures/box.png"}), ("usdz", {"scene.usdz"})])

@@ -28,10 +28,14 @@ def calibration(mount: str = "eye_on_base") -> Calibration:
 
 def test_it_is_the_inverse_with_its_covariance_in_frames_that_other_rules_know(tmp_path: Path) -> None:
     given = calibration()
-    found = RuleRunner(tmp_path).run("align.camera_base", calibration=given)
+    runner = RuleRunner(tmp_path)
+    found = runner.run("align.camera_base", calibration=given)
     assert (found.parent, found.child) == ("camera", "base")
     np.testing.assert_allclose(found.matrix @ given.pose.matrix, np.eye(4), atol=1e-12)
     np.testing.assert_allclose(found.covariance, uncertainty.invert(given.pose.matrix, given.pose.covariance))
+    position = 1000 * np.sqrt(np.trace(found.covariance[:3, :3]))
+    assert position > 2.5 > 2.46 > 1000 * given.sigma()[0]  # turning the camera moves the base
+    assert f", sigma {position:.1f} mm and 0.04 deg" in runner.outcome.line
 
 
 def test_a_camera_on_the_hand_has_no_base_in_its_picture(tmp_path: Path) -> None:

@@ -1,17 +1,18 @@
-"""Data for viewers of recordings: the robot as URDF, shapes of the objects, and frames of all links."""
+"""What viewers of recordings draw: the robot as URDF, shapes of the objects, and frames of all links."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
+from xml.etree.ElementTree import SubElement
 
 import numpy as np
 
-from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.formats import urdf_xml
 from dextera_build.formats.ros import markers, messages
 from dextera_build.formats.ros.markers import Marker
-from dextera_build.formats.ros.recording import Recording
+from dextera_build.formats.ros.recording import LATCHED, Recording
 from dextera_build.geometry import poses
 from dextera_build.sim.model import links, skins, urdf
 from dextera_build.sim.model.compose import ROBOT
@@ -29,7 +30,7 @@ BOX = 6
 """`mjtGeom.mjGEOM_BOX`."""
 
 
-class Drawn:
+class Shapes:
     """The links and shapes of a task, common to all its recordings.
 
     Args:
@@ -51,41 +52,55 @@ class Drawn:
         """Names that a link of the robot and one of the objects share."""
         return set(self._arm.shifts) & {link for tree in self._things.values() for link in tree.shifts}
 
-    def fixed(self, episode: Episode) -> list[Edge]:
-        """Edges that never move."""
+    def fixed(self, sizes: Mapping[str, float]) -> list[Edge]:
+        """Edges that never move.
+
+        Args:
+            sizes: Object -> factor of its lengths; 1 where it is left out.
+        """
         return [
             (edge.parent, edge.child, poses.from_matrix(edge.origin))
-            for tree in self._trees(episode)
+            for tree in (self._arm, *self._sized(sizes))
             for edge in tree.edges
             if edge.type == "fixed"
         ]
 
-    def moving(self, episodes: Episodes, episode: Episode) -> list[Edge]:
-        """Edges that move, at all steps."""
-        known = dict(zip(episodes.joint_names, episode.joints.T.astype(np.float64), strict=True))
-        known |= dict(zip(episodes.displacement_names, episode.displacement.T.astype(np.float64), strict=True))
-        for follower in self._robot.followers:
-            known[follower.name] = follower.ratio * known[follower.leader] + follower.offset
-        return links.poses_at(self._trees(episode), known.get)
+    def moving(self, joints: Mapping[str, np.ndarray], sizes: Mapping[str, float]) -> list[Edge]:
+        """Edges that move, at T times, without those whose joint is not given.
 
-    def send(self, recording: Recording, episode: Episode, quality: str, *, scaled: bool = True) -> None:
-        """Write the robot's description and all shapes, once; objects in the sizes of the episode, or in their own."""
+        Args:
+            joints: Joint of the robot or of an object -> positions (T,) [rad or m].
+            sizes: See `fixed`.
+        """
+        known = dict(joints)
+        for follower in self._robot.followers:
+            if follower.leader in known:
+                known[follower.name] = follower.ratio * known[follower.leader] + follower.offset
+        return links.poses_at((self._arm, *self._sized(sizes)), known.get)
+
+    def send(self, recording: Recording, time: int, sizes: Mapping[str, float]) -> None:
+        """Write the robot's description and all shapes, once.
+
+        Args:
+            recording: The recording.
+            time: Time of the recording [ns].
+            sizes: See `fixed`.
+        """
         text = self.urdf.files[urdf.MAIN].decode().replace('filename="meshes/', f'filename="{PACKAGE}meshes/')
-        recording.send("/robot_description", "std_msgs/String", 0, messages.text(text), quality)
+        recording.send("/robot_description", "std_msgs/String", time, messages.text(text), LATCHED)
         recording.attach_files(self.urdf.files)
-        shapes = {
-            "/scene/objects": self._objects(episode.start.size_scale if scaled else {}),
-            "/scene/static": self._static(),
-        }
+        shapes = {"/scene/objects": self._objects(sizes), "/scene/static": self._static()}
         if len(self.urdf.files) > 1:  # viewers may not find meshes
             shapes["/robot/visual"] = self._surfaces(self._arm, ROBOT, 1.0)
         for topic, found in shapes.items():
-            message = markers.marker_array(0, found)
-            recording.send(topic, "visualization_msgs/MarkerArray", 0, message, quality)
+            message = markers.marker_array(time, found)
+            recording.send(topic, "visualization_msgs/MarkerArray", time, message, LATCHED)
+        for root, tree in self._things.items():
+            boxes = messages.text(self._boxes(root, tree.sized(sizes.get(root, 1.0)), sizes.get(root, 1.0)))
+            recording.send(f"/scene/{root}/robot_description", "std_msgs/String", time, boxes, LATCHED)
 
-    def _trees(self, episode: Episode) -> list[links.Tree]:
-        sizes = episode.start.size_scale
-        return [self._arm, *(tree.sized(sizes.get(root, 1.0)) for root, tree in self._things.items())]
+    def _sized(self, sizes: Mapping[str, float]) -> list[links.Tree]:
+        return [tree.sized(sizes.get(root, 1.0)) for root, tree in self._things.items()]
 
     def _objects(self, sizes: Mapping[str, float]) -> list[Marker]:
         return [
@@ -98,6 +113,33 @@ class Drawn:
             for link, shift in tree.shifts.items()
             for number, skin in enumerate(skins.visible(self._model, int(self._model.body(prefix + link).id)))
         ]
+
+    def _boxes(self, root: str, tree: links.Tree, scale: float) -> str:
+        """An object as URDF with a box around the surface of each link, for viewers that draw no markers."""
+        robot = urdf_xml.root(root)
+        for link in [root, *(edge.child for edge in tree.edges)]:
+            node = SubElement(robot, "link", name=link)
+            body = int(self._model.body(link).id) if link in tree.shifts else -1
+            skins_of = skins.visible(self._model, body) if body >= 0 else []
+            if not skins_of:
+                continue
+            corners = scale * np.concatenate([each.vertices for each in skins_of]) - tree.shifts[link]
+            low, high = corners.min(axis=0), corners.max(axis=0)
+            visual = SubElement(node, "visual")
+            urdf_xml.origin(visual, (low + high) / 2)
+            SubElement(SubElement(visual, "geometry"), "box", size=urdf_xml.numbers((high - low).tolist()))
+            material = SubElement(visual, "material", name=link)
+            SubElement(material, "color", rgba=urdf_xml.numbers(mean_colour(skins_of[0])))
+        for edge in tree.edges:
+            joint = SubElement(robot, "joint", name=edge.joint, type=edge.type)
+            urdf_xml.origin(joint, edge.origin[:3, 3], edge.origin[:3, :3])
+            SubElement(joint, "parent", link=edge.parent)
+            SubElement(joint, "child", link=edge.child)
+            if edge.type != "fixed":
+                SubElement(joint, "axis", xyz=urdf_xml.numbers(edge.axis.tolist()))
+                lower, upper = map(urdf_xml.number, self._model.joint(edge.joint).range)
+                SubElement(joint, "limit", lower=lower, upper=upper, effort="0.0", velocity="0.0")
+        return urdf_xml.text(robot).decode()
 
     def _static(self) -> list[Marker]:
         """Collision boxes of the static scene, half transparent, without walls."""
@@ -116,6 +158,13 @@ class Drawn:
             and (model.geom_contype[geom] or model.geom_conaffinity[geom])
             and model.geom_pos[geom, 2] + model.geom_size[geom, 2] < HIGH_M
         ]
+
+
+def mean_colour(skin: skins.Skin) -> list[float]:
+    """The colour (4,) of a surface, or the mean of its texture, sRGB 0..1."""
+    if skin.texture is None:
+        return list(skin.colour)
+    return [*(skin.texture.reshape(-1, 3).mean(axis=0) / 255).tolist(), 1.0]
 
 
 def triangles(frame: str, name: str, skin: skins.Skin, shift: np.ndarray, scale: float) -> Marker:
