@@ -90,6 +90,7 @@ class Trainings:
         rest, lines = self.interrupted(tmp_path / "cut", data, None, monkeypatch, device, **more)
         assert lines[0] == "resumes after step 11"
         assert rest.weights == whole.weights
+        assert rest.snapshots == whole.snapshots
         np.testing.assert_array_equal(rest.curve, whole.curve)
         np.testing.assert_array_equal(rest.steps, whole.steps)
 
@@ -114,6 +115,19 @@ def miss(made: Checkpoint, steps: int = 30) -> float:
         swing = np.abs(shown.joints[-1] - shown.joints[0]).max()
         missed.append(np.abs(joints - shown.joints[-1]).max() / swing)
     return float(np.median(missed))
+
+
+def changed(count: int, steps: int, actions: np.ndarray, places: np.ndarray) -> Episodes:
+    """Episodes that differ in `actions` [rad] of joint 1 and `places` [m] of the box along x, (count, steps) each."""
+    data = episodes.small(count, steps)
+    first, items = data.items["0"], {}
+    for (name, one), sent, seen in zip(data.items.items(), actions, places, strict=True):
+        objects = np.tile(first.objects[:1], (steps, 1, 1))
+        objects[:, 0, 0] = seen
+        action = np.tile(first.action[:1], (steps, 1))
+        action[:, 0] = sent
+        items[name] = episodes.observed(one.model_copy(update={"action": action}), objects=objects)
+    return data.model_copy(update={"items": items})
 
 
 def filmed(data: Episodes, height: int = 32, width: int = 48) -> Film:
