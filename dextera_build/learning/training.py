@@ -78,6 +78,8 @@ class Training:
     def __init__(self, ctx: Context, data: Demonstrations, options: ImitationOptions, learner: Learner) -> None:
         self._ctx, self._data, self._options, self._learner = ctx, data, options, learner
         self._network = learner.network.to(ctx.device)
+        if options.compile:
+            self._network.compile()
         self._optimiser = torch.optim.AdamW(
             self._network.parameters(), lr=options.rate, betas=learner.betas, weight_decay=options.decay, fused=True
         )
@@ -130,7 +132,8 @@ class Training:
         drawn = zip(self._data.train_rows, self._mixed.draw(), strict=True)
         batch = self._samples.at(np.concatenate([part[chosen] for part, chosen in drawn]))
         batch = replace(batch, inputs=self._augmented(batch.inputs, random))
-        loss, shown = self._learner.loss(self._network, batch, random)
+        with torch.autocast(torch.device(self._ctx.device).type, torch.bfloat16, enabled=options.bf16):
+            loss, shown = self._learner.loss(self._network, batch, random)
         self._optimiser.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         torch.nn.utils.clip_grad_norm_(self._network.parameters(), 1.0)

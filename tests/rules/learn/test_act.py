@@ -64,6 +64,7 @@ def test_neither_threads_nor_the_global_generator_matter(tmp_path: Path) -> None
     [
         {"jitter": 0.02},
         pytest.param({"average": 0.9, "snapshot_every": 5}, marks=pytest.mark.slow),
+        pytest.param({"bf16": True}, marks=pytest.mark.slow),
         pytest.param({"inputs": ("joints", "rgb"), "steps": 12}, marks=pytest.mark.slow),
     ],
 )

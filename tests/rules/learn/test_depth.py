@@ -25,7 +25,7 @@ from dextera_build.serving.served import Served
 from dextera_build.testing import RuleRunner
 from tests import episodes
 from tests.policy.policies import load, runner
-from tests.rules.learn.trainings import BUNDLE, FEW, Trainings, changed
+from tests.rules.learn.trainings import BUNDLE, FEW, MIDDLE, Trainings, changed, square
 
 VIEW = episodes.view(48, 32)
 RAYS = cameras.rays(32, 48, VIEW.camera.matrix())
@@ -42,8 +42,7 @@ COMMON = {"batch": 16, "held_out": 0.25, "warm_up": 5}
 def depth_of(place: np.ndarray) -> np.ndarray:
     """Distances (32, 48) [m] of a table with a box at `place` (2,) [m]; one row was not measured."""
     depth = np.full((32, 48), FAR_M, np.float32)
-    row, column = (int(size / 2 + 100 * (value - 0.4)) for size, value in zip(depth.shape, place, strict=True))
-    depth[max(0, row - 4) : max(0, row + 4), max(0, column - 4) : max(0, column + 4)] = NEAR_M
+    depth[square(*depth.shape, place)] = NEAR_M
     depth[0] = 0.0
     return depth
 
@@ -104,11 +103,11 @@ def test_distances_are_rounded_to_millimetres_and_points_stay_on_their_rays() ->
 def test_a_policy_does_what_the_depth_says(tmp_path: Path, trainings: Trainings, name: str) -> None:
     """Joint 1 goes to 0.5 or -0.5 rad; only the depth tells on which side the box is, and with it which."""
     sides = np.tile([1.0, -1.0], 6)[:, None] * np.ones(8)
-    data = changed(12, 8, 0.5 * sides, 0.4 + 0.05 * sides)
+    data = changed(12, 8, 0.5 * sides, MIDDLE[0] + 0.05 * sides)
     more = COMMON | {"steps": 150, "rate": 3e-3, "jitter": 0.02, "holes": 0.2}
     made = trainings.learn(tmp_path, data, film=filmed(data), inputs=("joints", name), **more)
     y = data.items["0"].objects[0, 0, 1]
-    left, right = (act(made, frame(depth_of(np.array([0.4 + 0.05 * side, y]))))[0] for side in (1.0, -1.0))
+    left, right = (act(made, frame(depth_of(np.array([MIDDLE[0] + 0.05 * side, y]))))[0] for side in (1.0, -1.0))
     assert left > 0.25
     assert right < -0.25
 
@@ -117,7 +116,7 @@ def test_a_policy_does_what_the_depth_says(tmp_path: Path, trainings: Trainings,
 def test_pictures_and_points_make_one_policy(tmp_path: Path) -> None:
     made = trained(tmp_path, RULES[0], ("joints", "rgb", "cloud"), jitter=0.02, holes=0.3, **FEW)
     assert [channel.encoding for channel in made.contract.inputs] == ["plain", "picture", "cloud"]
-    assert np.isfinite(act(made, frame(depth_of(np.array([0.4, 0.4]))))).all()
+    assert np.isfinite(act(made, frame(depth_of(MIDDLE)))).all()
 
 
 @pytest.mark.slow
