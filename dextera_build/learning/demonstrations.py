@@ -35,6 +35,8 @@ class Selection:
     """Fraction of the episodes held out for validation."""
     seed: int = 0
     """Seed of the split."""
+    reach_m: float = 3.0
+    """Distance from the camera above which neither depth nor points are used [m]."""
 
 
 @dataclass(frozen=True)
@@ -198,6 +200,10 @@ def _channels(bundle: TaskBundle, layout: Layout, selection: Selection, parts: S
     known = [name for name in contracts.CHANNELS if name in selection.inputs]
     added = [name for name in selection.inputs if name not in known]
     made = [contracts.channel(layout, name, only.get(rows.get(name, ""))) for name in (*known, *added)]
+    made = [
+        one.model_copy(update={"reach_m": selection.reach_m}) if one.encoding in ("depth", "cloud") else one
+        for one in made
+    ]
     found = tuple(one for one in made if one.shape[0])
     if not found:
         raise RuleError(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 
 import torch
@@ -12,8 +11,6 @@ from dextera_build.artifacts.tasks.policy import PolicyContract
 
 PLANES = {"rgb": 3, "depth": 2}
 """Channel -> planes of its picture."""
-POINTS = 512
-"""Most points of a cloud that a network sees."""
 
 
 class Eyes(nn.Module):
@@ -80,10 +77,7 @@ class Eye(nn.Module):
 
 
 class Cloud(nn.Module):
-    """Point encoder: one perceptron for all points, and the maximum of each feature (Ze et al. 2024, arXiv 2403.03954).
-
-    It sees points of an even grid of pixels, at most `POINTS`.
-    """
+    """Point encoder: one perceptron for all points, and the maximum of each feature (Ze et al. 2024, 2403.03954)."""
 
     def __init__(self, width: int) -> None:
         super().__init__()
@@ -96,8 +90,7 @@ class Cloud(nn.Module):
 
     def forward(self, cloud: Tensor) -> Tensor:
         """(B, W) tokens of (B, H, W, 4) points, the last number 1 where one was measured."""
-        apart = math.ceil(math.sqrt(cloud.shape[1] * cloud.shape[2] / POINTS))
-        points = cloud[:, apart // 2 :: apart, apart // 2 :: apart].flatten(1, 2)
+        points = cloud.flatten(1, 2)
         known = points[..., 3:] > 0
         seen = self.layers(points[..., :3]).masked_fill(~known, -torch.inf).amax(dim=1)
         out: Tensor = self.out(torch.where(known.any(dim=1), seen, 0.0))

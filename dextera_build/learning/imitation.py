@@ -91,7 +91,7 @@ def _data(
     algorithm: str,
     settings: Mapping[str, float | int | str | bool],
 ) -> Demonstrations:
-    selection = Selection(options.inputs, options.objects, options.held_out, options.seed)
+    selection = Selection(options.inputs, options.objects, options.held_out, options.seed, options.reach_m)
     data = prepare(bundle, parts, selection, algorithm=algorithm, settings=settings)
     located = {"located": 0 if data.places is None else data.places.shape[1]}
     return replace(data, contract=data.contract.model_copy(update={"settings": {**settings, **located}}))

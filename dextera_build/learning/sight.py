@@ -10,6 +10,7 @@ import numpy as np
 
 from dextera_build.artifacts.tasks.episode import DEPTH_STEP_M
 from dextera_build.artifacts.tasks.policy import Channel
+from dextera_build.errors import RuleError
 from dextera_build.geometry import cameras
 from dextera_build.learning.parts import Frames, Part
 from dextera_build.policy import features
@@ -50,22 +51,34 @@ class Sight:
         """
         if channel.encoding == "picture":
             return self.pictures.at(rows)
-        return features.measured(channel, self._metres(channel, rows))
+        return features.ranged(channel, self._metres(channel, rows))
 
     def measured(self, channel: Channel, rows: np.ndarray) -> np.ndarray:
-        """The distances (M, 1) or points (M, 3) [m] that were measured at steps (N,)."""
+        """The distances (M, 1) or points (M, 3) [m] that were measured within reach at steps (N,).
+
+        Raises:
+            RuleError: There are none.
+        """
         found = self._metres(channel, rows)
         values = found[..., None] if channel.encoding == "depth" else found
-        return values[values[..., -1] > 0]
+        kept = values[(values[..., -1] > 0) & features.near(channel, values[..., -1])]
+        if not len(kept):
+            raise RuleError(
+                f"nothing in the film is within {channel.reach_m:g} m of the camera",
+                code="DXB-B516",
+                hint="reach_m: 10.0",
+            )
+        return np.asarray(kept)
 
     def _metres(self, channel: Channel, rows: np.ndarray) -> np.ndarray:
-        """`depth` (N, H, W) or `cloud` (N, H, W, 3) float32 [m]."""
+        """`depth` (N, H, W), or `cloud` (N, h, w, 3) of even pixels, float32 [m]."""
         assert self.depth is not None
-        depth = self.depth.at(rows).astype(np.float32) * np.float32(DEPTH_STEP_M)
+        counts, step = self.depth.at(rows), np.float32(DEPTH_STEP_M)
         if channel.encoding == "depth":
-            return depth
-        rays = np.stack(self.rays)[self.parts[rows]] if len(self.rays) > 1 else self.rays[0]
-        return np.asarray(depth[..., None] * rays)
+            return counts * step
+        down, across = features.even(*counts.shape[1:])
+        rays = np.stack([each[down, across] for each in self.rays])[self.parts[rows]]
+        return np.asarray(counts[:, down, across, None] * step * rays)
 
 
 def _rays(part: Part) -> np.ndarray:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,8 @@ from dextera_build.policy.observation import Frame
 if TYPE_CHECKING:
     from dextera_build.policy.observation import DeployableObservation
 
+POINTS = 512
+"""Most points of a cloud that a network sees."""
 FARTHEST = 65_535
 """Count that means that nothing was measured, by ROS's REP 118."""
 Fields = dict[str, np.ndarray]
@@ -103,23 +106,44 @@ def counts(depth: np.ndarray) -> np.ndarray:
 
 
 def measured(channel: Channel, samples: np.ndarray) -> np.ndarray:
-    """Input of a network from the depth or the points of a camera.
-
-    A network sees distances that are rounded to millimetres, in training and at run time.
+    """Input of a network from the depth or the points of a camera; of points those of `even` pixels.
 
     Args:
         channel: The channel; without a normalisation, samples are passed on.
         samples: `depth` (N, H, W) or `cloud` (N, H, W, 3) [m], 0 where nothing was measured.
 
     Returns:
-        (N, H, W, 2) or (N, H, W, 4) float32: normalised numbers, then 1 where they were measured, else all 0.
+        As `ranged`.
     """
     if not channel.scale:
         return samples
+    if channel.encoding == "cloud":
+        rows, columns = even(samples.shape[1], samples.shape[2])
+        samples = samples[:, rows, columns]
+    return ranged(channel, samples)
+
+
+def near(channel: Channel, distances: np.ndarray) -> np.ndarray:
+    """Whether distances [m] are within the reach of a channel of depth or points."""
+    return np.asarray(distances <= (channel.reach_m or np.inf))
+
+
+def even(height: int, width: int) -> tuple[slice, slice]:
+    """Rows and columns of an even grid of at most `POINTS` pixels."""
+    apart = math.ceil(math.sqrt(height * width / POINTS))
+    return slice(apart // 2, None, apart), slice(apart // 2, None, apart)
+
+
+def ranged(channel: Channel, samples: np.ndarray) -> np.ndarray:
+    """Distances (N, H, W) or points (N, H, W, 3) [m], rounded to millimetres of distance and normalised.
+
+    Returns:
+        (N, H, W, 2) or (N, H, W, 4) float32: normalised numbers, then 1 where they were measured, else all 0.
+    """
     values = samples[..., None] if channel.encoding == "depth" else samples
     far = counts(values[..., -1:])
     exact = values[..., -1:]
-    known = far > 0
+    known = (far > 0) & near(channel, exact)
     # The points of a pixel are on its ray, and move with its distance.
     rounded = values * np.divide(far * DEPTH_STEP_M, exact, out=np.zeros(exact.shape), where=known)
     mean, scale = (np.array(part, np.float32) for part in (channel.mean, channel.scale))

@@ -32,6 +32,8 @@ class Channel(Value):
     """Subtracted from the flattened encoded sample, per component; empty: nothing."""
     scale: tuple[float, ...] = ()
     """Divisor after the subtraction, per component; empty: none."""
+    reach_m: float | None = None
+    """Distance above which depth and points count as not measured [m]; None: there is no limit."""
 
 
 class PolicyContract(Value):
