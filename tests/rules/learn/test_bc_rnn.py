@@ -17,7 +17,7 @@ from dextera_build.learning import weights
 from dextera_build.learning.samples import Batch
 from dextera_build.policy.observation import PICTURE, Frame, Measurement, deployable
 from tests import episodes
-from tests.policy.policies import load, runner
+from tests.policy.policies import contract, load, runner
 from tests.rules.learn.trainings import BUNDLE, FEW, Trainings, changed, filmed, miss
 
 SEEN = {"inputs": ("objects",), "steps": 150, "batch": 32, "rate": 1e-2, "warm_up": 10, "held_out": 0.0}
@@ -137,7 +137,7 @@ def test_the_loss_is_the_negative_log_likelihood_of_valid_steps() -> None:
 
 def test_standard_deviations_have_a_floor() -> None:
     network = runner("bc_rnn").network
-    made = network.BcRnn(network.Sizes(hidden=8, least_std=0.25), {"joints": 3}, 3)
+    made = network.BcRnn(network.Sizes(hidden=8, least_std=0.25), contract(BUNDLE, ("joints",)))
     with torch.no_grad():
         made.spreads.bias.fill_(-1e4)
         modes, _ = made({"joints": torch.zeros(1, 4, 1, 3)})
@@ -146,7 +146,7 @@ def test_standard_deviations_have_a_floor() -> None:
 
 def test_steps_one_by_one_are_the_whole_window() -> None:
     network = runner("bc_rnn").network
-    made = network.BcRnn(network.Sizes(hidden=8), {"joints": 3}, 3)
+    made = network.BcRnn(network.Sizes(hidden=8), contract(BUNDLE, ("joints",)))
     seen, state = torch.randn(1, 6, 1, 3), None
     whole, _ = made({"joints": seen})
     for step in range(6):
