@@ -138,6 +138,33 @@ def test_paired_verdicts_are_counted_start_by_start():
     assert statistics.paired([1, 1, 0, 0, 1], [1, 0, 1, 0, 0]) == Paired(both=1, first=2, second=1, neither=1)
 
 
+@pytest.mark.medium
+@pytest.mark.parametrize("cells", [(0.5, 0.2, 0.1, 0.2), (0.05, 0.4, 0.05, 0.5), (0.85, 0.1, 0.05, 0.0)])
+def test_the_interval_of_a_paired_difference_holds_the_truth_as_often_as_it_says(cells):
+    draws = np.random.default_rng(0).multinomial(20, cells, size=4000)
+    found = np.array([Paired(*map(int, draw)).difference() for draw in draws])
+    held = (found[:, 1] <= cells[1] - cells[2]) & (cells[1] - cells[2] <= found[:, 2])
+    assert 0.93 <= held.mean() <= 0.995
+
+
+def test_the_example_of_newcombe():
+    """The first example of his comparison of methods for paired data (1998)."""
+    assert Paired(36, 12, 2, 0).difference() == pytest.approx((0.2, 0.0569, 0.3404), abs=1e-4)
+
+
+def test_pairs_that_agree_narrow_the_interval_of_their_difference():
+    alike, unlike = Paired(8, 4, 0, 8).difference(), Paired(4, 8, 4, 4).difference()
+    assert alike[0] == pytest.approx(unlike[0]) == 0.2
+    assert alike[2] - alike[1] < 0.75 * (unlike[2] - unlike[1])
+    assert Paired(0, 0, 0, 0).difference() == (0.0, -1.0, 1.0)
+    one, other = Paired(5, 3, 1, 1), Paired(5, 1, 3, 1)
+    assert one.difference()[0] == -other.difference()[0]
+    assert one.difference()[1] == pytest.approx(-other.difference()[2])
+    middle, low, high = statistics.mean_difference([one] * 4)
+    assert middle == one.difference()[0]
+    assert high - low == pytest.approx((one.difference()[2] - one.difference()[1]) / 2)
+
+
 @pytest.mark.parametrize(("first", "second", "p"), [(0, 0, 1.0), (3, 3, 1.0), (6, 0, 2 / 64), (10, 2, 0.03857421875)])
 def test_mcnemar_s_exact_p(first, second, p):
     assert Paired(50, first, second, 50).p == pytest.approx(p)

@@ -6,14 +6,14 @@ After a stop nothing is sent, so that the controllers of the robot hold the last
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 
+from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.deploying import periods, wire
@@ -25,12 +25,15 @@ from dextera_build.deploying.transport import Topic, Transport
 from dextera_build.errors import listing
 from dextera_build.formats.ros import images, messages
 from dextera_build.formats.ros.reading import SECOND
+from dextera_build.geometry import cameras
 from dextera_build.policy.cell import Guard, Stopped
 from dextera_build.policy.observation import Frame, Frames, Measurement
 from dextera_build.policy.robot_run import REAL, REQUESTED, SENT
 from dextera_build.sim.runtime.measured_state import MeasuredState
 
 Sleep = Callable[[float], None]
+NEEDED = frozenset({"objects", "displacement", "rgb", "depth", "cloud"})
+"""Terms that are read only for policies that take them; points are made of depth."""
 SAME = 1e-9
 """Difference of a target from the requested one that is rounding [rad or m]."""
 GUARDED = Limits(speed=0.5, silence_s=0.5)
@@ -64,10 +67,11 @@ class RosCell:
         transport: Carries the messages.
         topics: Topics of the robot.
         bundle: The task in the twin.
-        needed: Terms that the policy takes, of `objects`, `displacement` and `rgb`.
+        needed: Terms that the policy takes, of `NEEDED`.
         safety: Limits.
         bag: Recording; None: none.
         sleep: Waits [s].
+        camera: Intrinsics of the cameras of points.
     """
 
     def __init__(
@@ -79,8 +83,10 @@ class RosCell:
         safety: Safety = Safety(),
         bag: Bag | None = None,
         sleep: Sleep = time.sleep,
+        camera: Camera | None = None,
     ) -> None:
         self._transport, self._topics, self._bundle, self._bag, self._sleep = transport, topics, bundle, bag, sleep
+        self._camera = camera
         self.safety = safety
         self._rows = {name: row for row, name in enumerate(bundle.objects)}
         self._joints = wire.Joints([joint.name for joint in bundle.robot.joints], topics)
@@ -103,7 +109,8 @@ class RosCell:
         self.world = REAL
         """World of the robot: `real`, or the one that a simulated robot states."""
         self._frozen = {camera: Frozen(safety.limits.silence_s) for camera in topics.pictures}
-        self._needed = set(needed) & {"objects", "displacement", "rgb"}
+        self.depths = {camera: Stream(topic.name, depth=4) for camera, topic in topics.depths.items()}
+        self._needed = {*needed, *(("depth",) if "cloud" in needed else ())} & NEEDED
         if not bundle.displacement_names:
             self._needed.discard("displacement")
         self._listen()
@@ -144,7 +151,7 @@ class RosCell:
             Stopped: A measurement is missing, too old, or belongs to no other.
         """
         self._check()
-        shown = {name: stream.last for name, stream in self.pictures.items() if "rgb" in self._needed}
+        shown = {(term, name): stream.last for term, name, stream in self._cameras()}
         last = self.state.last
         assert last is not None
         anchor = min((each.stamp for each in shown.values() if each is not None), default=last.stamp)
@@ -154,7 +161,7 @@ class RosCell:
         if skew > self.safety.skew_s:
             raise self.stop(f"pictures and joint states are {skew:.3f} s apart, more than {self.safety.skew_s:g} s")
         self._anchor, self._measured = joints, self._transport.clock()
-        seen = {name: Frame(rgb=self._picture(name, each)) for name, each in shown.items() if each is not None}
+        seen = {name: self._frame(name, shown) for _, name in shown}
         found = Measurement(np.array(joints.value), self._poses(), self._displacement(), {**seen, **(frames or {})})
         if self._bag is not None:
             periods.observed(self._bag, self._measured, self._bundle, found)
@@ -204,8 +211,12 @@ class RosCell:
         found = [self.state]
         found += self.objects.values() if "objects" in self._needed else []
         found += [self.displacement] if "displacement" in self._needed else []
-        found += self.pictures.values() if "rgb" in self._needed else []
-        return found
+        return found + [stream for _, _, stream in self._cameras()]
+
+    def _cameras(self) -> list[tuple[str, str, Stream]]:
+        """Term, camera and stream of what the policy needs of cameras."""
+        every = (("rgb", self.pictures), ("depth", self.depths))
+        return [(term, name, each) for term, streams in every if term in self._needed for name, each in streams.items()]
 
     def _listen(self) -> None:
         topics, subscribe = self._topics, self._transport.subscribe
@@ -215,6 +226,8 @@ class RosCell:
         subscribe(SIMULATED, self._stated)
         for camera, topic in topics.pictures.items():
             subscribe(topic, partial(self._shown, camera, topic))
+        for camera, topic in topics.depths.items() if "depth" in self._needed else ():
+            subscribe(topic, partial(self._ranged, self.depths[camera], topic))
 
     def _stated(self, message: bytes, arrived: int) -> None:
         self._record(SIMULATED, message, arrived)
@@ -253,6 +266,14 @@ class RosCell:
         last = self.state.last
         if self._frozen[camera].add(bytes(picture.data), arrived, None if last is None else last.value):
             stream.fault = stream.fault or f"`{camera}` shows the same picture while the robot moves"
+
+    def _ranged(self, stream: Stream, topic: Topic, message: bytes, arrived: int) -> None:
+        self._record(topic, message, arrived)
+        try:
+            depth = wire.unpacked(topic.kind, message)
+            stream.add(Sample(wire.stamp_of(depth.header), arrived, depth))
+        except wire.UnusableError as error:
+            stream.broken(str(error))
 
     def _check(self) -> None:
         """Raise if the measurements or the recording are of no use."""
@@ -296,5 +317,13 @@ class RosCell:
         last = self.displacement.last
         return np.full(len(self._bundle.displacement_names), np.nan) if last is None else np.array(last.value)
 
-    def _picture(self, camera: str, sample: Sample) -> Any:
-        return images.pixels(sample.value, self._topics.pictures[camera].name)
+    def _frame(self, camera: str, shown: Mapping[tuple[str, str], Sample | None]) -> Frame:
+        picture, measured = shown.get(("rgb", camera)), shown.get(("depth", camera))
+        rgb = None if picture is None else images.pixels(picture.value, self._topics.pictures[camera].name)
+        depth = None if measured is None else images.depths(measured.value, self._topics.depths[camera].name)
+        cloud = None
+        if depth is not None and self._camera is not None and "cloud" in self._needed:
+            cloud = depth[..., None] * cameras.rays(depth.shape[0], depth.shape[1], self._camera.matrix()).astype(
+                np.float32
+            )
+        return Frame(rgb, depth, cloud)

@@ -23,7 +23,9 @@ from dextera_build.formats.ros import hashes, messages
 from dextera_build.formats.ros.reading import SECOND
 from dextera_build.formats.ros.recording import packed
 from dextera_build.policy import robot_run
+from dextera_build.policy.features import counts
 from dextera_build.policy.layout import of_bundle
+from dextera_build.policy.observation import Frame
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.runtime.environment import Environment
 
@@ -77,7 +79,7 @@ class SimulatedRobot:
         topics: Topics of the robot.
         environment: The world, in which an episode was begun.
         simulation: Sensors and network.
-        look: Gives the picture (H, W, 3) uint8 of the current state; None: there is no camera.
+        look: Gives the frame of the current state; None: there is no camera.
     """
 
     def __init__(
@@ -86,7 +88,7 @@ class SimulatedRobot:
         topics: Topics,
         environment: Environment,
         simulation: Simulation = Simulation(),
-        look: Callable[[], np.ndarray] | None = None,
+        look: Callable[[], Frame] | None = None,
     ) -> None:
         self._transport, self._topics, self.environment = transport, topics, environment
         self._simulation, self._look = simulation, look
@@ -104,6 +106,7 @@ class SimulatedRobot:
         self._waiting: deque[tuple[int, dict[str, float], float]] = deque()
         self._states: deque[tuple[int, bytes]] = deque()
         self._picture = b""
+        self._depth: np.ndarray | None = None
         self._ticks, self._moving_since = 0, -1
         self.heard = Heard()
         self.success = False
@@ -175,9 +178,14 @@ class SimulatedRobot:
         if self._look is None or self._faulty("pictures_stop"):
             return
         if not (self._picture and self._faulty("pictures_freeze")):
-            self._picture = packed(self._look(), "jpeg")
+            frame = self._look()
+            self._picture, self._depth = packed(np.asarray(frame.rgb), "jpeg"), frame.depth
         for camera, topic in self._topics.pictures.items():
             self._transport.publish(topic, messages.compressed_image(stamp, camera, "jpeg", self._picture))
+        if self._depth is None:
+            return
+        for camera, topic in self._topics.depths.items():
+            self._transport.publish(topic, messages.depth_image(stamp, camera, counts(self._depth)))
 
     def _commanded(self, controller: Commanded, message: bytes, arrived: int) -> None:
         if self._faulty("cut"):

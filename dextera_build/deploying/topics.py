@@ -44,12 +44,14 @@ class Topics:
     """Positions of the objects' joints."""
     pictures: dict[str, Topic]
     """Camera -> its compressed pictures."""
+    depths: dict[str, Topic]
+    """Camera -> its depth, registered to the pictures."""
     controllers: tuple[Commanded, ...]
     """What takes commands; every joint belongs to one of them."""
 
     def measured(self) -> tuple[Topic, ...]:
         """Topics that dxb reads."""
-        return (self.joints, self.objects, self.displacement, *self.pictures.values())
+        return (self.joints, self.objects, self.displacement, *self.pictures.values(), *self.depths.values())
 
 
 def of_robot(robot: RobotModel, names: RosNames, cameras: Iterable[str] = ()) -> Topics:
@@ -73,6 +75,7 @@ def of_robot(robot: RobotModel, names: RosNames, cameras: Iterable[str] = ()) ->
         objects=_read("objects", names.objects),
         displacement=_read("displacement", names.displacement),
         pictures={camera: _read("rgb", names.pictures.get(camera, ""), camera) for camera in cameras},
+        depths={camera: _read("depth", names.depths.get(camera, ""), camera) for camera in cameras},
         controllers=controllers,
     )
 

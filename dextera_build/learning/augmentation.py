@@ -1,7 +1,8 @@
 """Random changes of pictures in training, so that a policy relies neither on exact colours nor on exact places.
 
 All numbers are drawn on the CPU from one generator, which the seed and the step of the training determine, so that an
-interrupted training draws the same. Pictures are (B, 3, H, W) float32 in -1 to 1.
+interrupted training draws the same. Pictures are (B, 3, H, W) float32 in -1 to 1. What was measured of depth and points
+is marked by 1, else all numbers are 0.
 """
 
 from __future__ import annotations
@@ -35,6 +36,25 @@ def augmented(pictures: Tensor, options: ImitationOptions, random: torch.Generat
         noise = torch.randn(pictures.shape, generator=random).to(pictures.device)
         pictures = (pictures + 2.0 * options.grain * noise).clamp(-1.0, 1.0)
     return pictures
+
+
+def ranged(frames: Tensor, axis: int, options: ImitationOptions, random: torch.Generator) -> Tensor:
+    """Depth (B, 2, H, W) or points (B, H, W, 4) with noise and holes as the options say; nothing is drawn without any.
+
+    Args:
+        frames: Normalised numbers, with what was measured as the last entry of `axis`.
+        axis: 1 of depth, 3 of points.
+        options: `jitter` and `holes`.
+        random: On the CPU.
+    """
+    count = frames.shape[axis] - 1
+    numbers, known = frames.narrow(axis, 0, count), frames.narrow(axis, count, 1)
+    if options.jitter:
+        numbers = numbers + options.jitter * torch.randn(numbers.shape, generator=random).to(frames.device)
+    if options.holes:
+        most = options.holes * torch.rand((len(frames), 1, 1, 1), generator=random)
+        known = known * (torch.rand(known.shape, generator=random) >= most).to(frames.device)
+    return torch.cat([numbers * known, known], dim=axis)
 
 
 def shifted(pictures: Tensor, most: int, random: torch.Generator) -> Tensor:

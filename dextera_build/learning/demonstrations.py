@@ -9,14 +9,17 @@ from typing import Literal
 import numpy as np
 
 from dextera_build import digest
-from dextera_build.artifacts.tasks.policy import Channel, PolicyContract
+from dextera_build.artifacts.tasks.policy import SEEN, Channel, PolicyContract
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError
-from dextera_build.learning.parts import Frames, Part, check
+from dextera_build.learning.parts import Part, check
+from dextera_build.learning.sight import Sight
 from dextera_build.policy import contract as contracts
 from dextera_build.policy import features, normalisation
 from dextera_build.policy.layout import WORLD, Layout, of_bundle, of_episodes, world_flag
 
+FITTED = 200
+"""Maximum number of steps of a part whose depth gives its normalisation."""
 Settings = Mapping[str, float | int | str | bool]
 
 
@@ -32,6 +35,8 @@ class Selection:
     """Fraction of the episodes held out for validation."""
     seed: int = 0
     """Seed of the split."""
+    reach_m: float = 3.0
+    """Distance from the camera above which neither depth nor points are used [m]."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +63,8 @@ class Demonstrations:
     """Samples of each part in a batch, relative to the others."""
     held_out_rows: np.ndarray
     """Rows of the validation episodes, (m,) int64."""
-    frames: Frames | None
-    """Pictures of all rows, or None."""
+    sight: Sight | None
+    """What the camera showed at all rows, or None."""
     places: np.ndarray | None
     """Normalised pose and joints of the task's object, (N, P) float32; None without images."""
 
@@ -71,7 +76,7 @@ def prepare(
 
     Args:
         bundle: The task.
-        parts: Its demonstrations, and their pictures for the input `rgb`.
+        parts: Its demonstrations, and their pictures for the inputs of a camera.
         selection: Inputs to learn from.
         algorithm: Name of the algorithm, for the contract.
         settings: Settings that the algorithm needs to run the policy, for the contract.
@@ -79,7 +84,7 @@ def prepare(
     Raises:
         RuleError: The data do not fit the task or the selection.
     """
-    check(bundle, parts, pictures="rgb" in selection.inputs)
+    check(bundle, parts, selection.inputs)
     first = parts[0]
     layout = of_episodes(first.episodes, of_bundle(bundle).goal, first.film)
     rows, train, held_out = _split(parts, selection)
@@ -92,7 +97,8 @@ def prepare(
     fields = {name: np.concatenate([part[name] for part in recorded]) for name in recorded[0]}
     actions = np.concatenate([episode.action for episode in every])
     mix = _Mix(tuple(rows), tuple(part.weight for part in parts))
-    channels = _fitted(_channels(bundle, layout, selection, parts), layout, fields, mix)
+    sight = Sight.of(parts)
+    channels = _fitted(_channels(bundle, layout, selection, parts), layout, fields, mix, sight)
     action = Channel(name="action", shape=(actions.shape[1],), names=first.episodes.joint_names)
     action = mix.fitted(action, actions)
     lengths = [len(episode.action) for episode in every]
@@ -116,7 +122,7 @@ def prepare(
         train_rows=mix.rows,
         weights=mix.weights,
         held_out_rows=np.setdiff1d(np.arange(len(actions)), np.concatenate(mix.rows)),
-        frames=Frames([each for part in parts for each in part.pixels]) if first.film else None,
+        sight=sight,
         places=_places(bundle, layout, fields, mix) if first.film else None,
     )
 
@@ -168,13 +174,21 @@ def _places(bundle: TaskBundle, layout: Layout, fields: features.Fields, mix: _M
     return np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
 
 
-def _fitted(channels: tuple[Channel, ...], layout: Layout, fields: features.Fields, mix: _Mix) -> tuple[Channel, ...]:
+def _fitted(
+    channels: tuple[Channel, ...], layout: Layout, fields: features.Fields, mix: _Mix, sight: Sight | None
+) -> tuple[Channel, ...]:
     """The channels with the normalisation of the training rows; flags and pictures have none."""
     reader = features.Reader(channels, layout)
-    return tuple(
-        one if one.encoding == "picture" or one.name == WORLD else mix.fitted(one, reader.encoded(one, fields))
-        for one in channels
-    )
+
+    def fitted(one: Channel) -> Channel:
+        if one.encoding == "picture" or one.name == WORLD:
+            return one
+        if sight is not None and one.encoding in SEEN:
+            seen = [sight.measured(one, rows[:: -(-len(rows) // FITTED)]) for rows in mix.rows]
+            return normalisation.fitted(one, seen, mix.weights)
+        return mix.fitted(one, reader.encoded(one, fields))
+
+    return tuple(map(fitted, channels))
 
 
 def _channels(bundle: TaskBundle, layout: Layout, selection: Selection, parts: Sequence[Part]) -> tuple[Channel, ...]:
@@ -186,6 +200,10 @@ def _channels(bundle: TaskBundle, layout: Layout, selection: Selection, parts: S
     known = [name for name in contracts.CHANNELS if name in selection.inputs]
     added = [name for name in selection.inputs if name not in known]
     made = [contracts.channel(layout, name, only.get(rows.get(name, ""))) for name in (*known, *added)]
+    made = [
+        one.model_copy(update={"reach_m": selection.reach_m}) if one.encoding in ("depth", "cloud") else one
+        for one in made
+    ]
     found = tuple(one for one in made if one.shape[0])
     if not found:
         raise RuleError(

@@ -67,14 +67,21 @@ def imitated(
     )
     _report(ctx, data, trained.error_rad, float(trained.curve[-1]), options.steps)
     return Checkpoint(
-        weights=trained.weights, contract=data.contract, steps=trained.steps, curve=trained.curve, curve_name=loss
+        weights=trained.weights,
+        contract=data.contract,
+        steps=trained.steps,
+        curve=trained.curve,
+        curve_name=loss,
+        snapshots=trained.snapshots,
     )
 
 
 def untrained(ctx: Context, data: Demonstrations, common: ImitationOptions, options: Options) -> Trained:
     """`train` of the stubs: no weights, and a falling curve."""
     places = np.array([1, max(2, common.steps)], np.int64)
-    return Trained(NOTHING, places, np.array([1.0, 0.5], np.float32), (places[:0], np.zeros(0, np.float32)), 0.0)
+    every = common.snapshot_every
+    kept = {str(step): NOTHING for step in range(every, common.steps, every)} if every else {}
+    return Trained(NOTHING, places, np.array([1.0, 0.5], np.float32), (places[:0], np.zeros(0, np.float32)), 0.0, kept)
 
 
 def _data(
@@ -84,7 +91,7 @@ def _data(
     algorithm: str,
     settings: Mapping[str, float | int | str | bool],
 ) -> Demonstrations:
-    selection = Selection(options.inputs, options.objects, options.held_out, options.seed)
+    selection = Selection(options.inputs, options.objects, options.held_out, options.seed, options.reach_m)
     data = prepare(bundle, parts, selection, algorithm=algorithm, settings=settings)
     located = {"located": 0 if data.places is None else data.places.shape[1]}
     return replace(data, contract=data.contract.model_copy(update={"settings": {**settings, **located}}))

@@ -7,15 +7,15 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from dextera_build.policy import contract as contracts
-from dextera_build.rule import Options
+from dextera_build.rule import Fraction, Options
 
 
 class ImitationOptions(Options):
     """What is learned from, and how the weights are optimised."""
 
     inputs: tuple[str, ...] = ("joints", "objects", "displacement", "goal")
-    """Input channels of the deployable observation; add `rgb` if a film is given, and `world` to tell the policy which
-    kind of world a sample of a mixture is from."""
+    """Input channels of the deployable observation; add `rgb` if a film is given, `depth` or `cloud` if it has depth,
+    and `world` to tell the policy which kind of world a sample of a mixture is from."""
     objects: Literal["task", "all"] = "task"
     """Objects with poses and joints in the input: the task's object only, or all. Irrelevant objects can only
     mislead a policy trained on a hundred episodes."""
@@ -32,7 +32,7 @@ class ImitationOptions(Options):
     average: float = Field(0.0, ge=0.0, lt=1.0)
     """Greatest decay of the moving average of the weights, which is what the checkpoint holds (EMA); 0: no average."""
     jitter: float = Field(0.0, ge=0.0)
-    """Noise added to inputs in training, in their standard deviations."""
+    """Noise added to inputs in training, in their standard deviations; not to pictures."""
     shift: int = Field(0, ge=0)
     """Maximum random shift of images in training [px]; with a fixed camera, shifts lose position information."""
     crop: float = Field(0.0, ge=0.0, lt=1.0)
@@ -43,6 +43,19 @@ class ImitationOptions(Options):
     """Maximum standard deviation of a random blur of images [px]."""
     grain: float = Field(0.0, ge=0.0)
     """Standard deviation of noise added to each pixel and colour of images, as a fraction of the range."""
+    reach_m: float = Field(3.0, gt=0.0)
+    """Distance from the camera above which neither depth nor points are used [m]: walls and the floor behind a table
+    would have most of the range of the inputs."""
+    holes: Fraction = 0.0
+    """Maximum fraction of the pixels of depth, and of the points of a cloud, that are lost in training."""
+    bf16: bool = False
+    """Whether products in training are of bfloat16, which needs less time and memory on a GPU; weights, their average
+    and the optimiser stay float32."""
+    compile: bool = False
+    """Whether torch compiles the network for training (`torch.compile`), which takes a minute before the first step and
+    needs a C++ compiler, on a GPU Triton, too."""
+    snapshot_every: int = Field(0, ge=0)
+    """Steps between the snapshots of the weights that the checkpoint holds, for `evaluate.early`; 0: none."""
     held_out: float = Field(0.1, ge=0.0, lt=1.0)
     """Fraction of the episodes held out for validation."""
     seed: int = Field(0, ge=0)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from dextera_build import digest
-from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts import base
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.mixture import Mixture
 from dextera_build.artifacts.tasks.pixels import Pixels
@@ -47,6 +47,14 @@ class Part:
         """Frames (T, H, W, 3) uint8 of each episode, in memory or, if they were unpacked, memory-mapped."""
         return [_frames(self.film, name) for name in self.episodes.items] if self.film else []
 
+    @cached_property
+    def depths(self) -> list[np.ndarray]:
+        """Distances (T, H, W) uint16 of each episode in counts of `DEPTH_STEP_M`; none if the film has no depth."""
+        film = self.film
+        if film is None or not film.depth:
+            return []
+        return [film.depth[name] if isinstance(film, Pixels) else film.counts(name) for name in self.episodes.items]
+
     def digest(self) -> str:
         """The digest of its data."""
         film = self.film.encode(digest.of_bytes) if self.film else None
@@ -57,7 +65,7 @@ class Frames:
     """Pictures of all steps, one episode after another.
 
     Args:
-        episodes: Frames (T, H, W, 3) uint8 of each episode.
+        episodes: Frames (T, H, W, 3) uint8, or distances (T, H, W) uint16, of each episode.
     """
 
     def __init__(self, episodes: Sequence[np.ndarray]) -> None:
@@ -65,9 +73,9 @@ class Frames:
         self._first = np.cumsum([0, *map(len, episodes)])
 
     def at(self, rows: np.ndarray) -> np.ndarray:
-        """The pictures (N, H, W, 3) uint8 of steps (N,) int64."""
+        """The pictures (N, ...) of steps (N,) int64."""
         numbers = np.searchsorted(self._first, rows, side="right") - 1
-        found = np.empty((len(rows), *self._episodes[0].shape[1:]), np.uint8)
+        found = np.empty((len(rows), *self._episodes[0].shape[1:]), self._episodes[0].dtype)
         for place, (number, row) in enumerate(zip(numbers, rows - self._first[numbers], strict=True)):
             found[place] = self._episodes[number][row]
         return found
@@ -76,7 +84,7 @@ class Frames:
 def parts_of(
     episodes: Episodes | Mixture,
     film: Film | Pixels | None = None,
-    films: Collection[Film | Pixels] | None = None,
+    films: base.Collection[Film | Pixels] | None = None,
 ) -> list[Part]:
     """The parts of the input of a learner.
 
@@ -95,13 +103,13 @@ def parts_of(
     ]
 
 
-def check(bundle: TaskBundle, parts: Sequence[Part], *, pictures: bool) -> None:
+def check(bundle: TaskBundle, parts: Sequence[Part], inputs: Collection[str]) -> None:
     """Raise for parts that do not fit the task, or from which nothing can be learned.
 
     Args:
         bundle: The task.
         parts: The parts.
-        pictures: Whether the policy looks at pictures.
+        inputs: Channels that the policy takes.
 
     Raises:
         RuleError: A part has no episode, is of another task, or its film does not show every step.
@@ -114,12 +122,19 @@ def check(bundle: TaskBundle, parts: Sequence[Part], *, pictures: bool) -> None:
             attempts=part.episodes.attempts,
         )
         _refuse(
-            part.film is not None and not pictures,
-            "a film is given, but `rgb` is not among the inputs",
+            part.film is not None and contracts.CAMERAS.keys().isdisjoint(inputs),
+            f"a film is given, but none of {listing(contracts.CAMERAS)} is among the inputs",
             hint="inputs: [joints, goal, rgb]",
         )
         if part.film is not None:
             _check_film(part, part.film)
+            wanted = [name for name in ("depth", "cloud") if name in inputs]
+            _refuse(
+                bool(wanted) and not part.film.depth,
+                f"the film has no depth, from which `{listing(wanted)}` is made",
+                part=part.label or None,
+                hint="film with `depth: true` in `demonstrate.film`",
+            )
 
 
 def _check_film(part: Part, film: Film | Pixels) -> None:

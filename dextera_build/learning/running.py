@@ -10,7 +10,8 @@ from torch import Tensor, nn
 
 from dextera_build.artifacts.tasks.policy import Checkpoint, PolicyContract
 from dextera_build.learning import weights
-from dextera_build.learning.samples import pixels
+from dextera_build.learning.samples import as_seen
+from dextera_build.policy import contract as contracts
 from dextera_build.policy.features import Fields
 
 Network = TypeVar("Network", bound=nn.Module)
@@ -27,12 +28,9 @@ def filled(network: Network, checkpoint: Checkpoint) -> Network:
 
 
 def tensors(inputs: Fields) -> dict[str, Tensor]:
-    """Inputs of a policy as a network takes them; `rgb` (..., H, W, 3) uint8 becomes (..., 3, H, W) in -1 to 1."""
+    """Inputs of a policy as a network takes them; see `samples.as_seen` for those of a camera."""
     made = {name: torch.from_numpy(np.ascontiguousarray(field)) for name, field in inputs.items()}
-    if "rgb" in made:
-        frames = made["rgb"]
-        made["rgb"] = pixels(frames.flatten(0, -4)).view(*frames.shape[:-3], 3, *frames.shape[-3:-1])
-    return made
+    return {name: as_seen(name, each) if name in contracts.CAMERAS else each for name, each in made.items()}
 
 
 def targets(contract: PolicyContract, actions: Tensor) -> np.ndarray:

@@ -29,8 +29,8 @@ class Batch:
     """Training samples. Steps before the first of an episode repeat it, those after the last repeat that."""
 
     inputs: Mapping[str, Tensor]
-    """Channel -> (B, tokens, features) float32, normalised; `rgb` -> (B, 3, H, W) in -1 to 1. With several observed
-    steps T the axis after B is T."""
+    """Channel -> (B, tokens, features) float32, normalised; those of a camera as `as_seen` gives them. With several
+    observed steps T the axis after B is T."""
     actions: Tensor
     """Demonstrated actions (B, C, A), normalised."""
     keep: Tensor
@@ -64,9 +64,10 @@ class Samples:
         acted, keep = self._steps(chosen, self.window.acted)
         seen = seen[:, 0] if len(self.window.observed) == 1 else seen
         inputs = {name: each[seen.to(self.device)] for name, each in self.inputs.items()}
-        if self.data.frames is not None:
-            frames = torch.from_numpy(self.data.frames.at(seen.flatten().numpy())).to(self.device)
-            inputs["rgb"] = pixels(frames).view(*seen.shape, 3, *frames.shape[1:3])
+        for channel in self.data.contract.seen:
+            assert self.data.sight is not None
+            frames = torch.from_numpy(self.data.sight.at(channel, seen.flatten().numpy())).to(self.device)
+            inputs[channel.name] = as_seen(channel.name, frames.view(*seen.shape, *frames.shape[1:]))
         places = self._places[chosen.to(self.device)] if self._places is not None else None
         return Batch(inputs, self._actions[acted.to(self.device)], keep.to(self.device), places)
 
@@ -77,6 +78,17 @@ class Samples:
         return found.clamp(first, last), (found >= first) & (found <= last)
 
 
-def pixels(frames: Tensor) -> Tensor:
-    """Convert (B, H, W, 3) uint8 images to (B, 3, H, W) float32 in -1 to 1."""
-    return frames.permute(0, 3, 1, 2).to(torch.float32).div_(127.5).sub_(1.0)
+def as_seen(name: str, frames: Tensor) -> Tensor:
+    """A channel of a camera as networks take it.
+
+    Args:
+        name: `rgb`, `depth` or `cloud`.
+        frames: (..., H, W, 3) uint8, (..., H, W, 2) or (..., H, W, 4) float32.
+
+    Returns:
+        `rgb` (..., 3, H, W) in -1 to 1, `depth` (..., 2, H, W), `cloud` (..., H, W, 4) unchanged.
+    """
+    if name == "cloud":
+        return frames
+    planes = frames.movedim(-1, -3)
+    return planes.to(torch.float32).div_(127.5).sub_(1.0) if name == "rgb" else planes

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -21,3 +21,5 @@ class Trained:
     """Steps and loss of the held-out episodes."""
     error_rad: float
     """Mean absolute error of the held-out chunks at the end [rad]; 0 if none is held out."""
+    snapshots: dict[str, bytes] = field(default_factory=dict)
+    """Step -> weights, see `Checkpoint.snapshots`."""

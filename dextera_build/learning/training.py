@@ -16,9 +16,10 @@ from torch.optim.swa_utils import AveragedModel
 
 from dextera_build import digest
 from dextera_build.learning import reproducible, weights
-from dextera_build.learning.augmentation import augmented
+from dextera_build.learning.augmentation import augmented, ranged
 from dextera_build.learning.samples import Batch, Samples, Window
 from dextera_build.learning.sampling import Mixed
+from dextera_build.learning.snapshots import Snapshots
 from dextera_build.learning.trained import Trained
 from dextera_build.learning.training_state import Kept, restore, save
 from dextera_build.rule import Context
@@ -77,6 +78,8 @@ class Training:
     def __init__(self, ctx: Context, data: Demonstrations, options: ImitationOptions, learner: Learner) -> None:
         self._ctx, self._data, self._options, self._learner = ctx, data, options, learner
         self._network = learner.network.to(ctx.device)
+        if options.compile:
+            self._network.compile()
         self._optimiser = torch.optim.AdamW(
             self._network.parameters(), lr=options.rate, betas=learner.betas, weight_decay=options.decay, fused=True
         )
@@ -87,11 +90,12 @@ class Training:
         self._mixed = Mixed(sizes, data.weights, batch, options.seed)
         self._kept = Kept(digest.of_value([data.contract.model_dump(mode="json"), options.model_dump(mode="json")]))
         self._stride = max(1, options.steps // POINTS)
+        self._snapshots = Snapshots(ctx, self._kept.of, options.snapshot_every)
 
     def run(self) -> Trained:
         """Run all remaining steps and return the result."""
         kept, file = self._kept, self._ctx.keep / "training.safetensors"
-        if restore(file, kept, self._network, self._optimiser, self._average):
+        if restore(file, kept, self._network, self._optimiser, self._average, usable=self._snapshots.read):
             self._ctx.log(f"resumes after step {kept.step:,}")
             for _ in range(kept.step):
                 self._mixed.draw()
@@ -100,6 +104,8 @@ class Training:
             kept.sum += self._step(kept.step)
             kept.step += 1
             self._measure()
+            if self._snapshots.due(kept.step, self._options.steps):
+                self._snapshots.add(kept.step, self._weights())
             if time.monotonic() - saved >= SAVE_EVERY_S:
                 self._save(file)
                 saved = time.monotonic()
@@ -110,6 +116,9 @@ class Training:
     def _best(self) -> nn.Module:
         """The network whose weights are the result."""
         return self._average.module if self._average else self._network
+
+    def _weights(self) -> bytes:
+        return weights.to_bytes({name: tensor.cpu() for name, tensor in self._best.state_dict().items()})
 
     def _save(self, file: Path) -> None:
         try:
@@ -123,7 +132,8 @@ class Training:
         drawn = zip(self._data.train_rows, self._mixed.draw(), strict=True)
         batch = self._samples.at(np.concatenate([part[chosen] for part, chosen in drawn]))
         batch = replace(batch, inputs=self._augmented(batch.inputs, random))
-        loss, shown = self._learner.loss(self._network, batch, random)
+        with torch.autocast(torch.device(self._ctx.device).type, torch.bfloat16, enabled=options.bf16):
+            loss, shown = self._learner.loss(self._network, batch, random)
         self._optimiser.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         torch.nn.utils.clip_grad_norm_(self._network.parameters(), 1.0)
@@ -139,9 +149,14 @@ class Training:
             for name in self._samples.inputs:
                 noise = torch.randn(changed[name].shape, generator=random).to(changed[name].device)
                 changed[name] = changed[name] + options.jitter * noise
-        if "rgb" in changed:
-            frames = changed["rgb"]
-            changed["rgb"] = augmented(frames.flatten(0, -4), options, random).view(frames.shape)
+        for channel in self._data.contract.seen:
+            frames = changed[channel.name]
+            flat = frames.flatten(0, -4)
+            if channel.encoding == "picture":
+                flat = augmented(flat, options, random)
+            else:
+                flat = ranged(flat, 1 if channel.encoding == "depth" else 3, options, random)
+            changed[channel.name] = flat.view(frames.shape)
         return changed
 
     def _measure(self) -> None:
@@ -189,11 +204,12 @@ class Training:
     def _result(self) -> Trained:
         kept = self._kept
         return Trained(
-            weights=weights.to_bytes({name: tensor.cpu() for name, tensor in self._best.state_dict().items()}),
+            weights=self._weights(),
             steps=np.array(kept.steps, np.int64),
             curve=np.array(kept.curve, np.float32),
             held_out=(np.array(kept.held_steps, np.int64), np.array(kept.held_curve, np.float32)),
             error_rad=kept.error_rad,
+            snapshots=self._snapshots.found(kept.step),
         )
 
 

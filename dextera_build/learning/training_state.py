@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -52,11 +53,25 @@ def save(
 
 
 def restore(
-    file: Path, kept: Kept, network: nn.Module, optimiser: torch.optim.Optimizer, average: AveragedModel | None = None
+    file: Path,
+    kept: Kept,
+    network: nn.Module,
+    optimiser: torch.optim.Optimizer,
+    average: AveragedModel | None = None,
+    usable: Callable[[int], bool] = lambda step: True,
 ) -> bool:
-    """Restore a saved state of the same training; return whether there was one."""
+    """Restore a saved state of the same training; return whether there was one.
+
+    Args:
+        file: The file.
+        kept: Receives what is saved.
+        network: Receives the weights.
+        optimiser: Receives the moments.
+        average: Receives the moving average.
+        usable: Whether a state after so many steps can be used.
+    """
     found = _read(file)
-    if found is None or found[0].get("of") != kept.of:
+    if found is None or found[0].get("of") != kept.of or not usable(int(str(found[0].get("step")))):
         return False
     notes, tensors = found
     network.load_state_dict(_under(tensors, "weight."))

@@ -15,7 +15,9 @@ from dextera_build.policy.layout import WORLD, Layout, of_bundle, of_episodes
 
 VECTORS = tuple(term.name for term in DECLARED if term.is_vector)
 """Vector channels of dxb, in the order of the networks' inputs."""
-CHANNELS = (*VECTORS, WORLD, "rgb")
+CAMERAS: dict[str, Encoding] = {"rgb": "picture", "depth": "depth", "cloud": "cloud"}
+"""Channels that a camera gives -> their encodings."""
+CHANNELS = (*VECTORS, WORLD, *CAMERAS)
 """All channels of dxb that a policy may use, none of them privileged."""
 PRIVILEGED = "privileged"
 """Setting of a contract: the number of privileged inputs, which no robot can give; such a policy can only teach."""
@@ -63,14 +65,15 @@ def channel(layout: Layout, name: str, only: tuple[str, ...] | None = None) -> C
         RuleError: `layout` has no such channel.
     """
     names = layout.names(name)
-    if name == "rgb" and layout.picture:
-        return Channel(name=name, shape=(*layout.picture, 3), encoding="picture")
+    if layout.picture and name in layout.cameras:
+        colours = () if name == "depth" else (3,)
+        return Channel(name=name, shape=(*layout.picture, *colours), encoding=CAMERAS[name])
     if names is None:
         raise RuleError(
             f"there is no channel `{name}` to learn from",
             code="DXB-B501",
             facts={"channels": listing(offered(layout))},
-            hint="give a film, or leave `rgb` out of `inputs`" if name == "rgb" else None,
+            hint=_MISSING.get(name),
         )
     kept = names if only is None else tuple(part for part in names if part in only)
     declared = layout.channel(name)
@@ -78,9 +81,19 @@ def channel(layout: Layout, name: str, only: tuple[str, ...] | None = None) -> C
     return Channel(name=name, shape=(len(kept), *_parts(layout, name)), names=kept, encoding=encoding)
 
 
+_MISSING = {
+    "rgb": "give a film, or leave `rgb` out of `inputs`",
+    **{
+        name: f"film with `depth: true` in `demonstrate.film`, or leave `{name}` out of `inputs`"
+        for name in ("depth", "cloud")
+    },
+}
+"""Channel of a camera -> what to do if there is none."""
+
+
 def offered(layout: Layout) -> tuple[str, ...]:
     """Names of the channels that `layout` provides."""
-    return (*VECTORS, WORLD, *(term.name for term in layout.added), *(("rgb",) if layout.picture else ()))
+    return (*VECTORS, WORLD, *(term.name for term in layout.added), *layout.cameras)
 
 
 def _parts(layout: Layout, name: str) -> tuple[int, ...]:
@@ -175,7 +188,7 @@ def differences(contract: PolicyContract, here: Layout) -> dict[str, str]:
     _compare_actions(found, contract.action.names, contract.embodiment, here)
     _compare(found, "another rate", f"{contract.rate_hz:g} Hz", f"{here.rate_hz:g} Hz")
     for wanted in contract.inputs:
-        if wanted.name == "rgb":
+        if wanted.name in CAMERAS:
             _compare_view(found, wanted, here)
         elif wanted.name == WORLD:
             if here.world not in wanted.names:
@@ -232,6 +245,8 @@ def _compare_view(found: dict[str, str], wanted: Channel, here: Layout) -> None:
     elif here.picture != (height, width):
         there = f"{here.picture[1]} x {here.picture[0]} px"
         found["a view of another size"] = f"the policy has {width} x {height} px, the bundle has {there}"
+    elif wanted.name not in here.cameras:
+        found[f"no `{wanted.name}`"] = f"the camera gives {listing(here.cameras)}"
 
 
 def _listed(names: tuple[str, ...]) -> str:

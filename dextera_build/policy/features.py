@@ -5,19 +5,26 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.tasks.episode import Episode
-from dextera_build.artifacts.tasks.policy import Channel
+from dextera_build.artifacts.tasks.episode import DEPTH_STEP_M, Episode
+from dextera_build.artifacts.tasks.policy import SEEN, Channel
 from dextera_build.policy.declared import HIDDEN
 from dextera_build.policy.layout import Layout
+from dextera_build.policy.observation import Frame
 
 if TYPE_CHECKING:
     from dextera_build.policy.observation import DeployableObservation
 
+POINTS = 512
+"""Most points of a cloud that a network sees."""
+FARTHEST = 65_535
+"""Count that means that nothing was measured, by ROS's REP 118."""
 Fields = dict[str, np.ndarray]
 """Term of the deployable observation -> its samples, stacked along the first axis."""
 
@@ -37,10 +44,10 @@ def recorded(episode: Episode) -> Fields:
 
 
 def observed(observation: DeployableObservation) -> Fields:
-    """One live observation as a stack of one sample."""
+    """One live observation as a stack of one sample, with the frame of its first camera."""
     fields = dict(observation.values)
-    if observation.rgb is not None:
-        fields["rgb"] = observation.rgb
+    frame = next(iter(observation.frames.values()), Frame())
+    fields |= {part.name: seen for part in dataclasses.fields(frame) if (seen := getattr(frame, part.name)) is not None}
     return {name: np.asarray(field)[None] for name, field in fields.items()}
 
 
@@ -50,12 +57,12 @@ class Reader:
     Components are selected by name, so that a world may have objects that are unknown to the policy.
 
     Args:
-        channels: Inputs of the policy; pictures are ignored.
+        channels: Inputs of the policy; those that a camera gives are ignored.
         layout: Layout of the source of the fields.
     """
 
     def __init__(self, channels: tuple[Channel, ...], layout: Layout) -> None:
-        self._channels = [channel for channel in channels if channel.encoding != "picture"]
+        self._channels = [channel for channel in channels if channel.encoding not in SEEN]
         self._rows = {
             channel.name: [(layout.names(channel.name) or ()).index(name) for name in channel.names]
             for channel in self._channels
@@ -90,6 +97,57 @@ def normalised(channel: Channel, samples: np.ndarray) -> np.ndarray:
     shape = samples.shape[1:]
     mean, scale = (np.array(part, np.float32).reshape(shape) for part in (channel.mean, channel.scale))
     return np.asarray((samples - mean) / scale)
+
+
+def counts(depth: np.ndarray) -> np.ndarray:
+    """Distances [m] as uint16 counts of `DEPTH_STEP_M`, as films hold them; 0 where they are no number or too far."""
+    steps = np.nan_to_num(np.round(np.asarray(depth, np.float64) / DEPTH_STEP_M), nan=0.0, posinf=0.0, neginf=0.0)
+    return np.where((steps > 0) & (steps < FARTHEST), steps, 0).astype(np.uint16)
+
+
+def measured(channel: Channel, samples: np.ndarray) -> np.ndarray:
+    """Input of a network from the depth or the points of a camera; of points those of `even` pixels.
+
+    Args:
+        channel: The channel; without a normalisation, samples are passed on.
+        samples: `depth` (N, H, W) or `cloud` (N, H, W, 3) [m], 0 where nothing was measured.
+
+    Returns:
+        As `ranged`.
+    """
+    if not channel.scale:
+        return samples
+    if channel.encoding == "cloud":
+        rows, columns = even(samples.shape[1], samples.shape[2])
+        samples = samples[:, rows, columns]
+    return ranged(channel, samples)
+
+
+def near(channel: Channel, distances: np.ndarray) -> np.ndarray:
+    """Whether distances [m] are within the reach of a channel of depth or points."""
+    return np.asarray(distances <= (channel.reach_m or np.inf))
+
+
+def even(height: int, width: int) -> tuple[slice, slice]:
+    """Rows and columns of an even grid of at most `POINTS` pixels."""
+    apart = math.ceil(math.sqrt(height * width / POINTS))
+    return slice(apart // 2, None, apart), slice(apart // 2, None, apart)
+
+
+def ranged(channel: Channel, samples: np.ndarray) -> np.ndarray:
+    """Distances (N, H, W) or points (N, H, W, 3) [m], rounded to millimetres of distance and normalised.
+
+    Returns:
+        (N, H, W, 2) or (N, H, W, 4) float32: normalised numbers, then 1 where they were measured, else all 0.
+    """
+    values = samples[..., None] if channel.encoding == "depth" else samples
+    far = counts(values[..., -1:])
+    exact = values[..., -1:]
+    known = (far > 0) & near(channel, exact)
+    # The points of a pixel are on its ray, and move with its distance.
+    rounded = values * np.divide(far * DEPTH_STEP_M, exact, out=np.zeros(exact.shape), where=known)
+    mean, scale = (np.array(part, np.float32) for part in (channel.mean, channel.scale))
+    return np.concatenate([np.where(known, (rounded - mean) / scale, 0.0), known], axis=-1).astype(np.float32)
 
 
 def rotation_columns(quaternions: np.ndarray) -> np.ndarray:

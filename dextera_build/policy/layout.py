@@ -44,7 +44,9 @@ class Layout:
     goal: tuple[str, ...]
     """Components of `goal`."""
     picture: tuple[int, int] | None = None
-    """(height, width) of `rgb` [px], or None without a camera."""
+    """(height, width) of what the camera gives [px], or None without a camera."""
+    measures_depth: bool = True
+    """Whether the camera, if there is one, also gives depth, and with it points."""
     tips: tuple[str, ...] = ()
     """Fingertips of all limbs."""
     limbs: tuple[str, ...] = ()
@@ -55,6 +57,13 @@ class Layout:
     """Terms that do not come with dxb."""
     world: WorldKind = "twin"
     """Kind of the world."""
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """Channels that the camera gives."""
+        if self.picture is None:
+            return ()
+        return ("rgb", "depth", "cloud") if self.measures_depth else ("rgb",)
 
     def names(self, channel: str) -> tuple[str, ...] | None:
         """Names of the rows of a channel of numbers that policies may see, or None for another channel."""
@@ -158,6 +167,7 @@ def of_episodes(episodes: Episodes, goal: tuple[str, ...], film: Film | Pixels |
         displacement=episodes.displacement_names,
         goal=goal,
         picture=(film.height, film.width) if film else None,
+        measures_depth=bool(film and film.depth),
         tips=episodes.tip_names,
         limbs=episodes.limb_names,
         added=_added(episodes.terms.values()),

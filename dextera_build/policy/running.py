@@ -8,18 +8,21 @@ from typing import Protocol
 
 import numpy as np
 
-from dextera_build.artifacts.tasks.policy import Checkpoint, PolicyContract
+from dextera_build.artifacts.tasks.policy import Channel, Checkpoint, PolicyContract
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError
-from dextera_build.policy.features import Fields, Reader, observed
+from dextera_build.policy.features import Fields, Reader, measured, observed
 from dextera_build.policy.layout import WORLD, Layout, world_flag
 from dextera_build.policy.observation import DeployableObservation
 
 Predict = Callable[[Fields, int], np.ndarray]
 """Inputs, one sample of each, and the number of steps since the start of the episode, 0 at its first, to joint targets
-(C, A) float64 [rad] for this step and the C - 1 after it. `rgb` comes as (1, H, W, 3) uint8, the others as `Reader`
-gives them. If the contract's setting `history` is T > 1, each has T samples in one: (1, T, ...), the present one last;
-before the first step, the first is repeated. A recurrent policy forgets what it holds at step 0."""
+(C, A) float64 [rad] for this step and the C - 1 after it. `rgb` comes as (1, H, W, 3) uint8, `depth` and `cloud` as
+`features.measured` gives them, the others as `Reader` does. If the contract's setting `history` is T > 1, each has T
+samples in one: (1, T, ...), the present one last; before the first step, the first is repeated. A recurrent policy
+forgets what it holds at step 0."""
+PICTURES = {"rgb": "picture", "depth": "depth picture", "cloud": "point cloud"}
+"""Channel of a camera -> its name in errors."""
 
 
 class Runner(Protocol):
@@ -137,17 +140,15 @@ class Policy:
         bad = [name for name, samples in inputs.items() if not np.isfinite(samples).all()]
         if bad:
             raise PolicyFault(f"the policy was given NaN in `{bad[0]}` at step {self._step}", code="DXB-B509")
-        if self.contract.sees:
-            inputs["rgb"] = self._picture(fields)
-        return inputs
+        return inputs | {channel.name: self._picture(channel, fields) for channel in self.contract.seen}
 
-    def _picture(self, fields: Fields) -> np.ndarray:
-        wanted = next(channel.shape for channel in self.contract.inputs if channel.encoding == "picture")
-        picture = fields.get("rgb")
+    def _picture(self, channel: Channel, fields: Fields) -> np.ndarray:
+        wanted, what = channel.shape, PICTURES.get(channel.name, "picture")
+        picture = fields.get(channel.name)
         if picture is None or picture.shape[1:] != wanted:
-            shown = "no picture" if picture is None else f"a picture {picture.shape[1:]}"
+            shown = f"no {what}" if picture is None else f"a {what} {picture.shape[1:]}"
             raise PolicyFault(f"the policy was given {shown} at step {self._step}, it needs {wanted}", code="DXB-B510")
-        return picture
+        return picture if channel.encoding == "picture" else measured(channel, picture)
 
     def _finite(self, chunk: np.ndarray) -> np.ndarray:
         if not np.isfinite(chunk).all():

@@ -14,6 +14,7 @@ from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.errors import RuleError, listing
 from dextera_build.policy import contract as contracts
 from dextera_build.policy import instruction
+from dextera_build.policy.declared import BY_NAME
 from dextera_build.policy.layout import WORLD, Layout, of_bundle
 from dextera_build.policy.observation import PICTURE, DeployableObservation, Frame
 from dextera_build.policy.running import Policy, Runner
@@ -142,8 +143,8 @@ def observations(
 
 
 def _observation(values: dict[str, np.ndarray]) -> DeployableObservation:
-    rgb = values.pop("rgb", None)
-    return DeployableObservation(values, {} if rgb is None else {PICTURE: Frame(rgb=rgb)})
+    seen = {name: values.pop(name) for name in contracts.CAMERAS if name in values}
+    return DeployableObservation(values, {PICTURE: Frame(**seen)} if seen else {})
 
 
 def _checked(channel: Channel, value: object, history: int) -> np.ndarray:
@@ -175,8 +176,8 @@ def _narrowed(layout: Layout, checkpoint: Checkpoint) -> Layout:
     """
     taken = {channel.name: channel for channel in checkpoint.contract.inputs}
     rows = {name: taken[name].names for name in _ROWS if name in taken and taken[name].names}
-    rgb = taken.get("rgb")
-    seen = replace(layout, picture=(rgb.shape[0], rgb.shape[1]) if rgb else None)
+    camera = next(iter(checkpoint.contract.seen), None)
+    seen = replace(layout, picture=(camera.shape[0], camera.shape[1]) if camera else None)
     contracts.refuse_teacher(checkpoint.contract)
     contracts.refuse(contracts.differences(checkpoint.contract, seen))
     return replace(seen, **rows)  # type: ignore[arg-type]
@@ -186,6 +187,9 @@ def _input(channel: Channel, layout: Layout) -> Input:
     """What a request holds for a channel."""
     if channel.encoding == "picture":
         return Input(name=channel.name, shape=channel.shape, dtype="uint8", unit="sRGB 0..255")
+    if channel.name in contracts.CAMERAS:
+        term = BY_NAME[channel.name]
+        return Input(name=channel.name, shape=channel.shape, dtype="float32", unit=f"{term.unit}; {term.about}")
     declared = layout.channel(channel.name)
     unit = "1 for the kind of the world, else 0" if channel.name == WORLD else declared.unit if declared else ""
     return Input(name=channel.name, shape=channel.shape, dtype="float32", names=channel.names, unit=unit)

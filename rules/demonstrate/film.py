@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, Protocol
 
-import numpy as np
 from pydantic import PositiveInt
 
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.policy.observation import Frame
 from dextera_build.rule import Context, Options, rule
 
 from .film_packing import film_of
@@ -27,15 +27,23 @@ class FilmOptions(Options):
     """Number of episodes to film, in order; null: all, as data sets require."""
     width_px: PositiveInt | None = None
     """Width of the frames for human viewers, smoothed, with proportional height [px]; null: the frames of policies."""
+    depth: bool = False
+    """Whether each frame also has its depth, for policies on depth or points."""
 
 
 class FilmBackend(Protocol):
     """Interface of a backend of demonstrate.film."""
 
     def frames(
-        self, ctx: Context, bundle: TaskBundle, episodes: Episodes, view: View, options: Any
-    ) -> Iterator[tuple[str, np.ndarray]]:
-        """Index and frames (T, H, W, 3) uint8 of each episode."""
+        self,
+        ctx: Context,
+        bundle: TaskBundle,
+        episodes: Episodes,
+        view: View,
+        common: FilmOptions,
+        options: Any,
+    ) -> Iterator[tuple[str, Frame]]:
+        """Index of each episode, and its frames with a leading axis of T steps."""
         ...
 
 
@@ -45,10 +53,11 @@ def film(
 ) -> Film:
     """Return one frame (H, W, 3) uint8 sRGB per step of the kept episodes, seen through `view`.
 
-    Recorded states are rendered without simulation; frame t is the scene before action t.
+    Recorded states are rendered without simulation; frame t is the scene before action t. Depth is exact, rounded to
+    millimetres.
     """
     chosen, view = _chosen(episodes, options.first), _sized(view, options.width_px)
-    taken: Iterator[tuple[str, np.ndarray]] = ctx.backend.frames(ctx, bundle, chosen, view, ctx.backend_options)
+    taken: Iterator[tuple[str, Frame]] = ctx.backend.frames(ctx, bundle, chosen, view, options, ctx.backend_options)
     return film_of(ctx, chosen, view.camera, taken, options.strip_frames)
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, Protocol
 
-import numpy as np
 from pydantic import NonNegativeFloat, PositiveInt
 
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.policy.contract import check_data
+from dextera_build.policy.observation import Frame
 from dextera_build.rule import Context, Options, rule
 
 from .film_packing import film_of
@@ -23,6 +23,8 @@ class RecordedFilmOptions(Options):
     """Frames in the preview of the first episode."""
     apart_rad: NonNegativeFloat = 0.01
     """Episodes of which a joint comes out farther from its recorded position than this are refused [rad or m]."""
+    depth: bool = False
+    """Whether each frame also has its depth, for policies on depth or points."""
 
 
 class RecordedFilmBackend(Protocol):
@@ -30,8 +32,8 @@ class RecordedFilmBackend(Protocol):
 
     def frames(
         self, ctx: Context, world: TaskBundle, episodes: Episodes, view: View, common: RecordedFilmOptions, options: Any
-    ) -> Iterator[tuple[str, np.ndarray]]:
-        """Index and frames (T, H, W, 3) uint8 of each episode."""
+    ) -> Iterator[tuple[str, Frame]]:
+        """Index of each episode, and its frames with a leading axis of T steps."""
         ...
 
 
@@ -59,7 +61,5 @@ def recorded_film(
         f"the episodes were recorded in a {episodes.world} world, and `world` is {world.kind}",
         hint="film episodes of a twin with `demonstrate.film`",
     )
-    taken: Iterator[tuple[str, np.ndarray]] = ctx.backend.frames(
-        ctx, world, episodes, view, options, ctx.backend_options
-    )
+    taken: Iterator[tuple[str, Frame]] = ctx.backend.frames(ctx, world, episodes, view, options, ctx.backend_options)
     return film_of(ctx, episodes, view.camera, taken, options.strip_frames)

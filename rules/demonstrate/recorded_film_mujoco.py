@@ -9,6 +9,7 @@ import numpy as np
 
 from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.policy.observation import Frame
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.observe import pictures
 from dextera_build.sim.runtime.environment import Environment
@@ -22,10 +23,10 @@ BACKEND = Backend(summary="MuJoCo through EGL", profiles=("cpu",), packages=("mu
 
 def frames(
     ctx: Context, world: TaskBundle, episodes: Episodes, view: View, common: RecordedFilmOptions, options: Options
-) -> Iterator[tuple[str, np.ndarray]]:
-    """Index and frames (T, H, W, 3) uint8 of each episode."""
+) -> Iterator[tuple[str, Frame]]:
+    """Index of each episode, and its frames with a leading axis of T steps."""
     environment = Environment(world)
-    with pictures.live(environment, view) as look:
+    with pictures.live(environment, view, ("rgb", "depth") if common.depth else ("rgb",)) as look:
         for index, episode in episodes.items.items():
             shown, apart = _again(environment, episode, look)
             ctx.check(
@@ -33,15 +34,15 @@ def frames(
                 f"episode `{index}` does not come out again: a joint is {apart:.3f} rad from where it was",
                 hint="film it on a machine of the kind that recorded it",
             )
-            yield index, shown
+            yield index, pictures.stacked(shown)
 
 
-def _again(environment: Environment, episode: Episode, look: Look) -> tuple[np.ndarray, float]:
-    """Frames (T, H, W, 3) of an episode that is run again, and the largest difference of a joint [rad or m]."""
+def _again(environment: Environment, episode: Episode, look: Look) -> tuple[list[Frame], float]:
+    """Frames of an episode that is run again, and the largest difference of a joint [rad or m]."""
     environment.begin(episode.start)
-    shown, apart = [], 0.0
+    shown, apart = list[Frame](), 0.0
     for joints, target in zip(episode.joints, episode.executed, strict=True):
         apart = max(apart, float(np.abs(environment.measure().joints - joints).max()))
         shown.append(look())
         environment.step(target)
-    return np.stack(shown), apart
+    return shown, apart

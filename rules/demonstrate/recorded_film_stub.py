@@ -9,6 +9,7 @@ import numpy as np
 
 from dextera_build.artifacts.tasks.episode import Episodes
 from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.policy.observation import Frame
 from dextera_build.rule import Backend, Context, Options
 
 if TYPE_CHECKING:
@@ -19,7 +20,8 @@ BACKEND = Backend(summary="no rendering: grey frames", profiles=("stub",))
 
 def frames(
     ctx: Context, world: TaskBundle, episodes: Episodes, view: View, common: RecordedFilmOptions, options: Options
-) -> Iterator[tuple[str, np.ndarray]]:
-    """Index and frames (T, H, W, 3) uint8 of each episode."""
+) -> Iterator[tuple[str, Frame]]:
+    """Index of each episode, and its frames with a leading axis of T steps."""
     for index, episode in episodes.items.items():
-        yield index, np.full((len(episode.joints), view.camera.height, view.camera.width, 3), 128, np.uint8)
+        size = (len(episode.joints), view.camera.height, view.camera.width)
+        yield index, Frame(np.full((*size, 3), 128, np.uint8), np.ones(size, np.float32) if common.depth else None)

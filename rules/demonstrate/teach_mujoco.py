@@ -56,8 +56,8 @@ def teach(
         runner = ctx.companion("student", student.contract.algorithm, Runner)
         taught = load(runner, student, bundle, view, terms=terms)
     sensors = Sensors(of_bundle(bundle, view, terms=environment.specs).terms(None, _sensors(common)), {})
-    sees = student is not None and student.contract.sees
-    opened = pictures.live(environment, view) if view is not None and sees else nullcontext()
+    sees = [channel.name for channel in student.contract.seen] if student is not None else []
+    opened = pictures.live(environment, view, sees) if view is not None and sees else nullcontext()
     with opened as look:
         for seed in seeds:
             start = _drawn(environment, seed)

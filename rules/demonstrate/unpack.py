@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from pathlib import Path
+
 import numpy as np
 
 from dextera_build.artifacts.tasks.episode import Film
@@ -11,17 +14,28 @@ from dextera_build.rule import Context, rule
 
 @rule(version=1, packages=("numpy",))
 def unpack(ctx: Context, film: Film) -> Pixels:
-    """Return the pictures (T, H, W, 3) uint8 of every episode, decoded; the store memory-maps them."""
-    shape, found = (film.height, film.width, 3), {}
+    """Return the pictures (T, H, W, 3) uint8 of every episode, and its depth if the film has it, decoded.
+
+    The store memory-maps them.
+    """
+    size, found, depth = (film.height, film.width), dict[str, np.ndarray](), dict[str, np.ndarray]()
     for number, index in enumerate(film.frames):
-        file = ctx.scratch / f"{number}.pixels"
-        with file.open("wb") as out:
-            count = sum(1 for frame in film.each(index) if out.write(frame.tobytes()))
-        ctx.check(count > 0, f"episode `{index}` has no picture")
-        found[index] = np.asarray(np.memmap(file, np.uint8, "r", shape=(count, *shape)))
+        found[index] = _mapped(ctx.scratch / f"{number}.pixels", film.each(index), (*size, 3), np.uint8)
+        ctx.check(len(found[index]) > 0, f"episode `{index}` has no picture")
+        if film.depth:
+            depth[index] = _mapped(ctx.scratch / f"{number}.depth", film.each_depth(index), size, np.uint16)
         ctx.progress(number + 1, len(film.frames), "episodes")
     frames = sum(len(each) for each in found.values())
-    size = sum(each.nbytes for each in found.values()) / 1e6
-    ctx.metric("size", size, "MB")
-    ctx.say(f"{len(found)} episodes, {frames:,} pictures of {film.width} x {film.height} px, {size:,.0f} MB")
-    return Pixels(episodes=found)
+    megabytes = sum(each.nbytes for each in (*found.values(), *depth.values())) / 1e6
+    ctx.metric("size", megabytes, "MB")
+    what = f"{film.width} x {film.height} px" + (" with depth" if depth else "")
+    ctx.say(f"{len(found)} episodes, {frames:,} pictures of {what}, {megabytes:,.0f} MB")
+    return Pixels(episodes=found, depth=depth, camera=film.camera)
+
+
+def _mapped(file: Path, frames: Iterator[np.ndarray], shape: tuple[int, ...], kind: type[np.generic]) -> np.ndarray:
+    """The frames (T, ...), in a file."""
+    with file.open("wb") as out:
+        count = sum(1 for frame in frames if out.write(frame.tobytes()))
+    mapped = np.memmap(file, kind, "r", shape=(count, *shape)) if count else np.zeros((0, *shape), kind)
+    return np.asarray(mapped)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
@@ -12,7 +13,7 @@ from dextera_build.artifacts.table import Cell as Entry
 from dextera_build.artifacts.table import Column, Table
 from dextera_build.artifacts.tasks.trials import Trials
 from dextera_build.rule import Context, rule
-from dextera_build.statistics import decided
+from dextera_build.statistics import Paired, decided, mean_difference
 from dextera_build.statistics import paired as counts_of
 
 from .series import Cell, Series, SeriesOptions
@@ -38,8 +39,12 @@ def paired(ctx: Context, trials: Collection[Trials], *, options: PairedOptions) 
     ended, p only for a number that was chosen beforehand.
     """
     series = Series(ctx, trials, options.robots)
-    rows = [_row(one, other, options.alpha) for one, other in combinations(series.cells, 2) if _comparable(one, other)]
-    rows = [row for row in rows if row[3]]
+    found = [
+        (one, other, counts_of(*one.against(other)))
+        for one, other in combinations(series.cells, 2)
+        if _comparable(one, other) and one.shared(other)
+    ]
+    rows = [_row(one, other, verdicts, options.alpha) for one, other, verdicts in found]
     ctx.check(
         bool(rows),
         "no two sets of trials share a start",
@@ -53,14 +58,17 @@ def paired(ctx: Context, trials: Collection[Trials], *, options: PairedOptions) 
         columns=(
             *(Column(name=name) for name in ("task", "first", "second", "starts", "placed alike")),
             *(Column(name=name) for name in ("both", "only first", "only second", "neither")),
+            *(Column(name=name, unit="%", digits=1) for name in ("difference", "from", "to")),
             Column(name="p", digits=4),
             Column(name="e", digits=2),
             Column(name="decided after"),
         ),
-        rows=tuple(rows),
+        rows=(*rows, *_means(found)),
         notes=(
             "starts: seeds that both sides tried",
             "placed alike: starts at which every object stood within 1 mm and about 1° of the same place",
+            "difference: success of the first minus that of the second, with its 95 % interval (Newcombe 1998); a dash"
+            " if the results decided when the trials ended; means count every task the same",
             "p: McNemar's exact test, two-sided; a dash if the results decided when the trials ended",
             f"e: e-value of `neither is better`, by bets on the starts that only one side solves; it ever reaches"
             f" {1 / options.alpha:.0f} with a probability of at most {options.alpha:g}, whenever one stops",
@@ -76,14 +84,33 @@ def _comparable(one: Cell, other: Cell) -> bool:
     return alike and (one.world == other.world or one.label == other.label)
 
 
-def _row(one: Cell, other: Cell, alpha: float) -> tuple[Entry, ...]:
+def _row(one: Cell, other: Cell, verdicts: Paired, alpha: float) -> tuple[Entry, ...]:
     shared, both = one.shared(other), one.against(other)
-    verdicts = counts_of(*both)
     alike = sum(_alike(one.trials.placed[here], other.trials.placed[there]) for here, there in shared)
-    names = (f"{one.label}, {one.world}", f"{other.label}, {other.world}")
     counts = (verdicts.both, verdicts.first, verdicts.second, verdicts.neither)
-    p = None if one.trials.stopped or other.trials.stopped else verdicts.p
-    return (str(one.pair), *names, len(shared), alike, *counts, p, verdicts.e, decided(*both, alpha))
+    stopped = one.trials.stopped or other.trials.stopped
+    apart = (None,) * 3 if stopped else tuple(100 * each for each in verdicts.difference())
+    p = None if stopped else verdicts.p
+    ends = (p, verdicts.e, decided(*both, alpha))
+    return (str(one.pair), *_names(one, other), len(shared), alike, *counts, *apart, *ends)
+
+
+def _names(one: Cell, other: Cell) -> tuple[str, str]:
+    return f"{one.label}, {one.world}", f"{other.label}, {other.world}"
+
+
+def _means(found: Sequence[tuple[Cell, Cell, Paired]]) -> list[tuple[Entry, ...]]:
+    """One row for each two sides that were compared on several tasks."""
+    sides: dict[tuple[str, str], list[Paired]] = {}
+    for one, other, verdicts in found:
+        if not (one.trials.stopped or other.trials.stopped):
+            sides.setdefault(_names(one, other), []).append(verdicts)
+    empty = (None,) * 5
+    return [
+        (f"mean of {len(pairs)}", *names, *empty, None, *(100 * each for each in mean_difference(pairs)), *empty[:3])
+        for names, pairs in sides.items()
+        if len(pairs) > 1
+    ]
 
 
 def _alike(one: np.ndarray, other: np.ndarray) -> bool:

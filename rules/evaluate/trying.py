@@ -48,7 +48,8 @@ def trying(
     }
     environment = Environment(bundle, terms=of_specs(terms, ctx.companion))
     seeing = {slot for slot, each in checkpoints.items() if each.contract.sees}
-    opened = pictures.live(environment, view) if view and seeing else nullcontext()
+    outputs = {channel.name for each in checkpoints.values() for channel in each.contract.seen}
+    opened = pictures.live(environment, view, outputs) if view and seeing else nullcontext()
     names = set[str]().union(*(objects_of(each.contract, bundle) for each in checkpoints.values()))
     tracked = nullcontext() if cell is None else TrackedCell(environment, cell, names, twin)
     with opened as look, tracked as watching:

@@ -18,9 +18,9 @@ from dextera_build.deploying.demonstration import Demonstration
 from dextera_build.deploying.driving import Acting, Clock, Drive, drive, facts
 from dextera_build.deploying.loopback import Bus, Loopback
 from dextera_build.deploying.simulated import SimulatedRobot, Simulation
-from dextera_build.policy.observation import DeployableObservation
+from dextera_build.policy.observation import DeployableObservation, Frame
 from dextera_build.sim.runtime.environment import Environment
-from tests import task_bundles
+from tests import factories, task_bundles
 
 TICK_NS = 10_000_000
 NEEDED = ("objects", "displacement")
@@ -136,6 +136,7 @@ class Rig:
         names: Names in ROS 2.
         simulation: The robot's sensors and faults.
         camera: What the camera shows; None: there is none.
+        depth: Its depth [m]; None: none is published.
         cell_names: Names that the cell believes.
     """
 
@@ -145,6 +146,7 @@ class Rig:
         simulation: Simulation | None = None,
         *,
         camera: np.ndarray | None = None,
+        depth: np.ndarray | None = None,
         needed: tuple[str, ...] = NEEDED,
         safety: Safety | None = None,
         cell_names: RosNames | None = None,
@@ -157,7 +159,7 @@ class Rig:
         self.bus = Bus(now=lambda: self.time)
         cameras = () if camera is None else ("workspace",)
         topics = tables.of_robot(self.bundle.robot, names or RosNames(), cameras)
-        look = None if camera is None else lambda: camera + np.uint8(self.time // TICK_NS % 2)  # as noise
+        look = None if camera is None else lambda: Frame(camera + np.uint8(self.time // TICK_NS % 2), depth)  # as noise
         world = Environment(self.bundle)
         if seed is not None:
             world.begin(world.draw(seed))
@@ -166,8 +168,9 @@ class Rig:
         self.bag = Bag(self.file)
         believed = topics if cell_names is None else tables.of_robot(self.bundle.robot, cell_names, cameras)
         self.transport = Loopback(self.bus)
+        seen = None if depth is None else factories.camera(depth.shape[1], depth.shape[0])
         self.cell = RosCell(
-            self.transport, believed, self.bundle, needed, safety or Safety(), self.bag, sleep=self.sleep
+            self.transport, believed, self.bundle, needed, safety or Safety(), self.bag, sleep=self.sleep, camera=seen
         )
 
     def sleep(self, seconds: float) -> None:

@@ -21,7 +21,7 @@ from dextera_build.formats.ros import reading
 from dextera_build.geometry import poses
 from dextera_build.sim.model import model as models
 from dextera_build.sim.model.compose import ROBOT
-from tests import task_bundles
+from tests import factories, task_bundles
 from tests.deploying import robots
 from tests.deploying.robots import Line, Rig
 
@@ -117,6 +117,30 @@ def test_pictures_come_with_the_joint_state_of_their_time() -> None:
     assert picture.shape == camera.shape
     assert int(np.abs(picture.astype(int) - camera).max()) <= 3
     assert rig.cell.pictures["workspace"].last is not None
+
+
+def test_a_policy_on_points_gets_them_from_the_depth_of_the_camera() -> None:
+    depth = np.full((48, 64), 0.75, np.float32)
+    depth[:, :10] = 0.0
+    rig = Rig(camera=np.zeros((48, 64, 3), np.uint8), depth=depth, needed=("cloud",))
+    policy = Line(TARGETS)
+    ran = rig.drive(policy)
+    assert not ran.faulty, ran.reason
+    frame = policy.seen[-1].frames["workspace"]
+    assert frame.rgb is None, "pictures are not needed"
+    assert frame.depth == pytest.approx(depth, abs=1e-6)
+    assert frame.cloud is not None
+    assert not frame.cloud[:, :10].any()
+    k = factories.camera(64, 48).matrix()
+    across = 0.75 * (40 - k[0, 2]) / k[0, 0]
+    assert frame.cloud[20, 40] == pytest.approx([across, 0.75 * (20 - k[1, 2]) / k[1, 1], 0.75], abs=1e-6)
+
+
+def test_a_camera_whose_depth_stays_away_stops_the_run() -> None:
+    rig = Rig(camera=np.zeros((48, 64, 3), np.uint8), needed=("depth",))
+    ran = rig.drive(Line(TARGETS))
+    assert ran.faulty
+    assert "nothing arrived on /workspace/aligned_depth_to_color/image_raw" in ran.reason
 
 
 @pytest.mark.parametrize("ahead_s", [-5.0, 5.0])

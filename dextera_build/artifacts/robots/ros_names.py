@@ -34,6 +34,8 @@ class RosNames(Artifact):
     """What takes commands; none: one of all joints, on the topic of term `action`."""
     pictures: dict[str, str] = Field(default_factory=dict)
     """Camera -> topic of `sensor_msgs/CompressedImage`."""
+    depths: dict[str, str] = Field(default_factory=dict)
+    """Camera -> topic of `sensor_msgs/Image` with its depth, registered to the pictures."""
     objects: str = ""
     """Topic of `tf2_msgs/TFMessage` on which a tracker publishes poses of objects."""
     displacement: str = ""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from dextera_build.artifacts.base import Array, Artifact, Value
+from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.core.content import Content, Get, OnDisk, Stored
 from dextera_build.artifacts.core.identity import check
 from dextera_build.artifacts.core.lazy import contents
@@ -25,6 +25,9 @@ _MOST = 1 << 30
 """Largest film of one episode [bytes]: 24 min of 128 x 96 px at 20 Hz."""
 _PIECE = 1 << 16
 """Packed bytes that are unpacked at a time."""
+
+DEPTH_STEP_M = 0.001
+"""Distance of one count of depth in films [m], that of ROS's REP 118."""
 
 Origin = Literal["operator", "synthesis", "policy", "replay"]
 """Source of the actions."""
@@ -178,7 +181,7 @@ class Shard(Artifact):
 
 
 class Film(Artifact):
-    """Pictures of episodes through one camera, one per step."""
+    """Pictures of episodes through one camera, one per step, and the depth of each if it was asked for."""
 
     frames: dict[str, bytes]
     """Index -> frames of one episode as `packed`; the keys are those of `Episodes.items`."""
@@ -186,6 +189,11 @@ class Film(Artifact):
     """Width of a frame [px]."""
     height: int
     """Height of a frame [px]."""
+    depth: dict[str, bytes] = Field(default_factory=dict)
+    """Index -> image-plane distances of one episode as `packed`, (H, W) uint16 in counts of `DEPTH_STEP_M`, 0 where
+    nothing was measured; of all episodes or of none."""
+    camera: Camera | None = None
+    """Intrinsics at the size of a frame; None in a film without depth."""
 
     @classmethod
     def _from_header(cls, header: Mapping[str, Any], get: Get) -> Self:
@@ -193,24 +201,35 @@ class Film(Artifact):
         if not hasattr(get, "place"):
             return super()._from_header(header, get)
         check(cls, header["artifact"])
-        stored = header["fields"]
-        found = {name: Stored(get, *raw["$bytes"]) for name, raw in stored["frames"]["$map"].items()}
-        return cls._behind(found, stored["width"], stored["height"])
+        stored: dict[str, Any] = header["fields"]
+        packed = {part: stored.get(part, {"$map": {}})["$map"] for part in ("frames", "depth")}
+        rest = {**header, "fields": {**stored, **{part: {"$map": {}} for part in packed}}}
+        made: Self = super()._from_header(rest, get)
+        sources = {
+            part: {name: Stored(get, *raw["$bytes"]) for name, raw in each.items()} for part, each in packed.items()
+        }
+        return made._behind(sources["frames"], sources["depth"])
 
     @classmethod
-    def of(cls, files: Mapping[str, Path], width: int, height: int) -> Film:
+    def of(
+        cls,
+        files: Mapping[str, Path],
+        width: int,
+        height: int,
+        depth: Mapping[str, Path] | None = None,
+        camera: Camera | None = None,
+    ) -> Film:
         """A film of files with frames as `packed` by index, which must no longer change; each is read at its use."""
-        return cls._behind({index: OnDisk(path) for index, path in files.items()}, width, height)
+        places = ({index: OnDisk(path) for index, path in each.items()} for each in (files, depth or {}))
+        return cls(frames={}, width=width, height=height, camera=camera)._behind(*places)
 
-    @classmethod
-    def _behind(cls, found: Mapping[str, Content], width: int, height: int) -> Self:
-        # `frames` would be copied, and thereby read, by validation.
-        made: Self = cls(frames={}, width=width, height=height)
-        return made.model_copy(update={"frames": contents(found)})
+    def _behind(self, frames: Mapping[str, Content], depth: Mapping[str, Content]) -> Self:
+        # They would be copied, and thereby read, by validation.
+        return self.model_copy(update={"frames": contents(frames), "depth": contents(depth)})
 
     @staticmethod
     def packed(pixels: Iterable[np.ndarray]) -> bytes:
-        """Frames (H, W, 3) uint8, all of one size, as a zlib stream of differences to the frame before, modulo 256.
+        """Frames of whole numbers, all of one size, as a zlib stream of differences to the frame before, modulo 2^bits.
 
         Static regions cost almost nothing: a fifteenth of a PNG of the same frames, and faster in both directions. The
         encoding is lossless, so that a policy is trained on exactly the pixels that it gets at run time.
@@ -228,31 +247,15 @@ class Film(Artifact):
         Raises:
             ArtifactError: The stream is damaged, or does not end with a whole frame.
         """
-        shape = (self.height, self.width, 3)
-        size = math.prod(shape)
-        if min(shape) < 1:
-            raise _bad_film(index, f"its frames have no area ({self.width} x {self.height} px)")
-        last, rest = np.zeros(shape, np.uint8), b""
-        for piece in self._unpacked(index):
-            rest += piece
-            whole = len(rest) // size
-            for change in np.frombuffer(rest, np.uint8, whole * size).reshape(whole, *shape):
-                last = last + change
-                yield last
-            rest = rest[whole * size :]
-        if rest:
-            raise _bad_film(index, f"its last frame is not whole ({self.width} x {self.height} px)")
+        return _unpacked(self.frames, index, (self.height, self.width, 3), np.uint8)
 
-    def _unpacked(self, index: str) -> Iterator[bytes]:
-        """The differences in pieces, none larger than a thousand times `_PIECE`."""
-        stream, packed = zlib.decompressobj(), self.frames[index]
-        try:
-            for start in range(0, len(packed), _PIECE):
-                yield stream.decompress(packed[start : start + _PIECE])
-        except zlib.error as error:
-            raise _bad_film(index, str(error)) from None
-        if not stream.eof:
-            raise _bad_film(index, "its end is missing")
+    def each_depth(self, index: str) -> Iterator[np.ndarray]:
+        """Distances (H, W) uint16 of one episode in order, one at a time, in counts of `DEPTH_STEP_M`.
+
+        Raises:
+            ArtifactError: The stream is damaged, or does not end with a whole frame.
+        """
+        return _unpacked(self.depth, index, (self.height, self.width), np.uint16)
 
     def pixels(self, index: str) -> np.ndarray:
         """Frames (T, H, W, 3) uint8 sRGB of one episode.
@@ -260,12 +263,55 @@ class Film(Artifact):
         Raises:
             ArtifactError: The stream is damaged, does not end with a whole frame, or holds more than 1 GiB.
         """
-        found: list[np.ndarray] = []
-        for frame in self.each(index):
-            found.append(frame)
-            if len(found) * frame.nbytes > _MOST:
-                raise _bad_film(index, "more than 1 GiB")
-        return np.array(found, np.uint8).reshape(-1, self.height, self.width, 3)
+        return _stacked(index, self.each(index), (self.height, self.width, 3), np.uint8)
+
+    def counts(self, index: str) -> np.ndarray:
+        """Distances (T, H, W) uint16 of one episode, in counts of `DEPTH_STEP_M`.
+
+        Raises:
+            ArtifactError: As `pixels`.
+        """
+        return _stacked(index, self.each_depth(index), (self.height, self.width), np.uint16)
+
+
+def _unpacked(
+    packed: Mapping[str, bytes], index: str, shape: tuple[int, ...], kind: type[np.generic]
+) -> Iterator[np.ndarray]:
+    """The frames of one episode; see `Film.packed`."""
+    if min(shape) < 1:
+        raise _bad_film(index, f"its frames have no area ({shape[1]} x {shape[0]} px)")
+    last, rest = np.zeros(shape, kind), b""
+    size = last.nbytes
+    for piece in _pieces(packed[index], index):
+        rest += piece
+        whole = len(rest) // size
+        for change in np.frombuffer(rest[: whole * size], kind).reshape(whole, *shape):
+            last = last + change
+            yield last
+        rest = rest[whole * size :]
+    if rest:
+        raise _bad_film(index, f"its last frame is not whole ({shape[1]} x {shape[0]} px)")
+
+
+def _pieces(packed: bytes, index: str) -> Iterator[bytes]:
+    """The differences in pieces, none larger than a thousand times `_PIECE`."""
+    stream = zlib.decompressobj()
+    try:
+        for start in range(0, len(packed), _PIECE):
+            yield stream.decompress(packed[start : start + _PIECE])
+    except zlib.error as error:
+        raise _bad_film(index, str(error)) from None
+    if not stream.eof:
+        raise _bad_film(index, "its end is missing")
+
+
+def _stacked(index: str, frames: Iterable[np.ndarray], shape: tuple[int, ...], kind: type[np.generic]) -> np.ndarray:
+    found: list[np.ndarray] = []
+    for frame in frames:
+        found.append(frame)
+        if len(found) * frame.nbytes > _MOST:
+            raise _bad_film(index, "more than 1 GiB")
+    return np.array(found, kind).reshape(-1, *shape)
 
 
 def _bad_film(index: str, why: str) -> ArtifactError:

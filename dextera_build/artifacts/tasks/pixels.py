@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from dextera_build.artifacts.base import Array, Artifact
+from dextera_build.artifacts.cameras.camera import Camera
 
 
 class Pixels(Artifact):
@@ -17,6 +19,10 @@ class Pixels(Artifact):
 
     episodes: dict[str, Annotated[np.ndarray, Array("* H W 3", "uint8")]]
     """Index -> frames (T, H, W, 3) sRGB of one episode; the keys are those of `Episodes.items`."""
+    depth: dict[str, Annotated[np.ndarray, Array("* H W", "uint16")]] = Field(default_factory=dict)
+    """Index -> distances (T, H, W) of one episode in counts of `DEPTH_STEP_M`, if the film has depth."""
+    camera: Camera | None = None
+    """Intrinsics at the size of a frame, if the film has depth."""
 
     @property
     def width(self) -> int:

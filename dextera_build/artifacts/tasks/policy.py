@@ -5,20 +5,23 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import Field
 
 from dextera_build.artifacts.base import Array, Artifact, Value
 
-Encoding = Literal["plain", "pose", "picture"]
+Encoding = Literal["plain", "pose", "picture", "depth", "cloud"]
 """`plain`: unchanged numbers. `pose`: position and the first two columns of the rotation matrix (Zhou et al.
 2019) instead of position and quaternion, because q and -q are one rotation. `picture`: 0 to 255 is mapped to -1 to
-1."""
+1. `depth` and `cloud`: distances and points [m], each with 1 where it was measured, else all 0."""
+SEEN: tuple[Encoding, ...] = ("picture", "depth", "cloud")
+"""Encodings of what a camera gives."""
 
 
 class Channel(Value):
     """One input of a policy, or its output."""
 
     name: str
-    """Term of the deployable observation: `joints`, `objects`, ..., `rgb`, or one that a project adds."""
+    """Term of the deployable observation: `joints`, `objects`, ..., `rgb`, `depth`, or one that a project adds."""
     shape: tuple[int, ...]
     """Shape of one observed sample, before encoding."""
     names: tuple[str, ...] = ()
@@ -29,6 +32,8 @@ class Channel(Value):
     """Subtracted from the flattened encoded sample, per component; empty: nothing."""
     scale: tuple[float, ...] = ()
     """Divisor after the subtraction, per component; empty: none."""
+    reach_m: float | None = None
+    """Distance above which depth and points count as not measured [m]; None: there is no limit."""
 
 
 class PolicyContract(Value):
@@ -52,14 +57,39 @@ class PolicyContract(Value):
     """Sizes of the network."""
 
     @property
+    def seen(self) -> tuple[Channel, ...]:
+        """Inputs that a camera gives: `rgb`, `depth`, `cloud`."""
+        return tuple(channel for channel in self.inputs if channel.encoding in SEEN)
+
+    @property
+    def vectors(self) -> tuple[Channel, ...]:
+        """The other inputs, which are numbers."""
+        return tuple(channel for channel in self.inputs if channel.encoding not in SEEN)
+
+    @property
     def sees(self) -> bool:
-        """Whether the policy takes pictures."""
-        return any(channel.encoding == "picture" for channel in self.inputs)
+        """Whether the policy takes pictures, depth or points."""
+        return bool(self.seen)
 
     @property
     def history(self) -> int:
         """Number of steps that the policy sees at once, the present one last."""
         return int(self.settings.get("history", 1))
+
+
+class EarlyTrials(Value):
+    """How often the snapshots of a training succeeded, each from the same starts."""
+
+    steps: tuple[int, ...]
+    """Optimiser step of each snapshot, ascending; the last is the end of the training."""
+    successes: tuple[int, ...]
+    """Successful trials of each snapshot."""
+    progress: tuple[float, ...]
+    """Mean fraction of the stages of the task that the trials of each snapshot reached."""
+    trials: int
+    """Trials of each snapshot."""
+    chosen: int
+    """Step of the snapshot whose weights the checkpoint has."""
 
 
 class Checkpoint(Artifact):
@@ -75,3 +105,7 @@ class Checkpoint(Artifact):
     """Training loss (imitation) or mean episode reward (reinforcement) at `steps`."""
     curve_name: str
     """Name of the quantity in `curve`."""
+    snapshots: dict[str, bytes] = Field(default_factory=dict)
+    """Optimiser step -> the weights after it, as `weights`; only those that the training was asked to keep."""
+    early: EarlyTrials | None = None
+    """Trials of the snapshots, if there were any; none of them counts in a reported success."""

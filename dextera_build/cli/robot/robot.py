@@ -96,7 +96,7 @@ def _simulate(args: argparse.Namespace) -> int:
     environment.begin(environment.draw(args.seed))
     transport = connected.transport(args, tuple(args.peer))
     simulation = Simulation(delay_s=args.delay, loss=args.loss, clock_s=args.clock, faults=faults, seed=args.seed)
-    with pictures.live(environment, here.view) if here.view else nullcontext() as look:
+    with pictures.live(environment, here.view, ("rgb", "depth")) if here.view else nullcontext() as look:
         robot = SimulatedRobot(transport, here.topics, environment, simulation, look)
         print(f"simulated robot on DDS domain {args.domain}; press Ctrl-C to stop", file=sys.stderr, flush=True)
         late = _ticking(robot, args.seconds)

@@ -75,6 +75,13 @@ def compressed_image(stamp: int, frame: str, kind: str, data: bytes) -> bytes:
     return _header(stamp, frame).string(kind).u8s(data).bytes()
 
 
+def depth_image(stamp: int, frame: str, counts: np.ndarray) -> bytes:
+    """`sensor_msgs/Image` of depth (H, W) uint16 in millimetres, `16UC1`; 0 where nothing was measured."""
+    height, width = counts.shape
+    message = _header(stamp, frame).u32(height, width).string("16UC1").boolean(False).u32(2 * width)
+    return message.u8s(np.ascontiguousarray(counts, "<u2").tobytes()).bytes()
+
+
 def compressed_video(stamp: int, frame: str, kind: str, data: bytes) -> bytes:
     """`foxglove_msgs/CompressedVideo` of one frame; `kind` is `h264`, in Annex B."""
     return Cdr().i32(stamp // SECOND).u32(stamp % SECOND).string(frame).u8s(data).string(kind).bytes()

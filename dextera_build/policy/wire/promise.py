@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from dextera_build.artifacts.base import Value
 from dextera_build.artifacts.tasks.policy import Channel
+from dextera_build.policy.contract import CAMERAS
 
 WIRE: Final = "dxb/1"
 RESET = "reset"
@@ -32,12 +33,8 @@ class Input(Value):
 
     def channel(self) -> Channel:
         """The channel of a contract; the server normalises."""
-        return Channel(
-            name=self.name,
-            shape=self.shape,
-            names=self.names,
-            encoding="picture" if self.dtype == "uint8" else "plain",
-        )
+        encoding = CAMERAS.get(self.name, "plain")
+        return Channel(name=self.name, shape=self.shape, names=self.names, encoding=encoding)
 
 
 class Promise(Value):

@@ -26,10 +26,10 @@ class Eyes:
     Args:
         model: Compiled model.
         views: Name -> camera.
-        pictures: Outputs of each camera; a cloud includes its depth.
+        pictures: Outputs of each camera, of `Picture`; a cloud includes its depth.
     """
 
-    def __init__(self, model: Any, views: Mapping[str, View], pictures: Collection[Picture]) -> None:
+    def __init__(self, model: Any, views: Mapping[str, View], pictures: Collection[str]) -> None:
         self._pictures = frozenset(pictures)
         self._model, self._views = model, dict(views)
         self._lights = model.light_diffuse.copy(), model.vis.headlight.diffuse.copy()

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import closing, contextmanager
-from typing import Any
+from dataclasses import fields
 
 import numpy as np
 
 from dextera_build.artifacts.tasks.episode import Episodes
 from dextera_build.artifacts.tasks.task import TaskBundle, View
-from dextera_build.policy.observation import PICTURE
+from dextera_build.policy.observation import PICTURE, Frame
 from dextera_build.sim.observe.eyes import Eyes
 from dextera_build.sim.render.filming import Replica
 from dextera_build.sim.runtime import variations
@@ -18,35 +18,47 @@ from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.rollout import Look
 
 
-def film(bundle: TaskBundle, episodes: Episodes, view: View) -> Iterator[tuple[str, np.ndarray]]:
-    """Index and frames (T, H, W, 3) uint8 sRGB of each episode in `episodes.items`, without shadows.
+def film(
+    bundle: TaskBundle, episodes: Episodes, view: View, outputs: Collection[str] = ("rgb",)
+) -> Iterator[tuple[str, Frame]]:
+    """Index of each episode in `episodes.items`, and its frames with a leading axis of T steps, without shadows.
 
     The images equal a policy's input during a rollout: same samples, same lights, same errors.
     """
     replica, views = Replica(bundle, episodes), {PICTURE: view}
-    with closing(Eyes(replica.model, views, ["rgb"])) as eyes:
+    with closing(Eyes(replica.model, views, outputs)) as eyes:
         for index, episode in episodes.items.items():
             eyes.vary(variations.seen(bundle, episode.start, views))
-            yield index, np.stack([_recorded(replica, eyes, row) for row in replica.positions(episode)])
+            yield index, stacked([_recorded(replica, eyes, row) for row in replica.positions(episode)])
 
 
 @contextmanager
-def live(environment: Environment, view: View) -> Iterator[Look]:
-    """Yield a function that renders the picture (H, W, 3) uint8 sRGB of the running episode's current state."""
-    views = {PICTURE: view}
-    with closing(Eyes(environment.model, views, ["rgb"])) as eyes:
+def live(environment: Environment, view: View, outputs: Collection[str] = ("rgb",)) -> Iterator[Look]:
+    """Yield a function that renders the frame of the running episode's current state.
 
-        def look() -> np.ndarray:
+    Args:
+        environment: The task.
+        view: The camera.
+        outputs: What a frame holds.
+    """
+    views = {PICTURE: view}
+    with closing(Eyes(environment.model, views, outputs)) as eyes:
+
+        def look() -> Frame:
             eyes.vary(variations.seen(environment.bundle, environment.start, views))
-            return _rgb(eyes, environment.data)
+            return eyes.look(environment.data)[PICTURE]
 
         yield look
 
 
-def _recorded(replica: Replica, eyes: Eyes, positions: np.ndarray) -> np.ndarray:
+def stacked(frames: Sequence[Frame]) -> Frame:
+    """The frames of one camera as one, with a leading axis."""
+    every: dict[str, list[np.ndarray | None]] = {
+        part.name: [getattr(frame, part.name) for frame in frames] for part in fields(Frame)
+    }
+    return Frame(**{name: None if each[0] is None else np.stack(each) for name, each in every.items()})  # type: ignore[arg-type]
+
+
+def _recorded(replica: Replica, eyes: Eyes, positions: np.ndarray) -> Frame:
     replica.show(positions)
-    return _rgb(eyes, replica.data)
-
-
-def _rgb(eyes: Eyes, data: Any) -> np.ndarray:
-    return np.asarray(eyes.look(data)[PICTURE].rgb)
+    return eyes.look(replica.data)[PICTURE]

@@ -14,8 +14,8 @@ from dextera_build.policy.running import PolicyFault
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.recorder import Recorder
 
-Look = Callable[[], np.ndarray]
-"""Returns a picture (H, W, 3) uint8 of the environment's current state."""
+Look = Callable[[], Frame]
+"""Returns the frame of a camera in the environment's current state."""
 
 
 class Acting(Protocol):
@@ -60,7 +60,7 @@ def closed_loop(
     driven: RobotCell = environment if cell is None else cell
     while True:
         try:
-            seen = driven.measure({PICTURE: Frame(rgb=look())} if look else None)
+            seen = driven.measure({PICTURE: look()} if look else None)
             action = policy.act(deployable(seen, environment.previous_action, environment.goal, environment.added))
             recorder.before(action)
             recorder.after(driven.send(action))

@@ -16,7 +16,7 @@ from dextera_build.errors import RuleError
 from dextera_build.policy import contract as contracts
 from dextera_build.policy.features import Reader, observed
 from dextera_build.policy.layout import WORLD, of_bundle, world_flag
-from dextera_build.policy.observation import PICTURE, Frame, deployable
+from dextera_build.policy.observation import PICTURE, deployable
 from dextera_build.policy.running import Policy, PolicyFault, Runner
 from dextera_build.sim.observe.progress import Progress
 from dextera_build.sim.observe.sensors import Sensors
@@ -112,7 +112,7 @@ def lesson(
     random = np.random.default_rng([start.seed, 7])
     recorder, apart = Recorder(environment), list[float]()
     while True:
-        frames = {PICTURE: Frame(rgb=look())} if look else None
+        frames = {PICTURE: look()} if look else None
         seen = sensors.measure(environment.measure(frames), environment.steps * environment.period_s)
         shown = deployable(seen, environment.previous_action, environment.goal, environment.added)
         try:

@@ -13,6 +13,7 @@ from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.policy import robot_run
 from dextera_build.policy.contract import check_data
+from dextera_build.policy.observation import Frame
 from dextera_build.rule import Context, Options, rule
 
 from ..film_packing import film_of
@@ -47,7 +48,7 @@ def robot_film(
     options = options or RobotFilmOptions()
     check_data(bundle, episodes)
 
-    def taken() -> Iterator[tuple[str, np.ndarray]]:
+    def taken() -> Iterator[tuple[str, Frame]]:
         for name, stream in robot_run.recordings(runs):
             if name not in episodes.items:
                 continue
@@ -59,6 +60,6 @@ def robot_film(
                 f"the pictures of `{name}` have {size[1]} x {size[0]} px, `view` has {wanted[1]} x {wanted[0]}",
                 hint="give `view` the size that the robot's camera gives, or let the driver scale its pictures",
             )
-            yield name, frames
+            yield name, Frame(frames)
 
     return film_of(ctx, episodes, view.camera, taken(), options.strip_frames)

@@ -15,7 +15,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from dextera_build.artifacts.tasks.policy import PolicyContract
-from dextera_build.learning.eye import Eye
+from dextera_build.learning.eye import Eyes
 from dextera_build.learning.samples import Batch
 from dextera_build.policy import features
 
@@ -95,22 +95,20 @@ class Act(nn.Module):
 
     Args:
         sizes: Sizes of the network.
-        inputs: Channel -> (tokens, features per token) of the vector inputs, in order.
-        actions: Components of an action.
-        looks: Whether there is also an image input, of any size.
+        contract: Inputs and outputs of the policy.
     """
 
-    def __init__(
-        self, sizes: Sizes, inputs: Mapping[str, tuple[int, int]], actions: int, *, looks: bool = False
-    ) -> None:
+    def __init__(self, sizes: Sizes, contract: PolicyContract) -> None:
         super().__init__()
+        inputs = {channel.name: features.tokens(channel) for channel in contract.vectors}
+        actions, looks = len(contract.action.names), len(contract.seen)
         width, heads = sizes.width, sizes.heads
         self.latent = sizes.latent
         self.embed = nn.ModuleDict({name: nn.Linear(features, width) for name, (_, features) in inputs.items()})
         count = 1 + sum(tokens for tokens, _ in inputs.values())
         self.place = nn.Parameter(torch.randn(count, width) * 0.02)
-        self.eye = Eye(width) if looks else None
-        self.locate = nn.Linear(width, sizes.located) if looks and sizes.located else None
+        self.eyes = Eyes(contract, width) if looks else None
+        self.locate = nn.Linear(looks * width, sizes.located) if looks and sizes.located else None
         self.embed_latent = nn.Linear(sizes.latent, width)
         self.encoder = nn.ModuleList(Block(width, heads, memory=False) for _ in range(sizes.encoder_layers))
         self.norm_memory = nn.LayerNorm(width)
@@ -127,9 +125,9 @@ class Act(nn.Module):
         """(B, C, A) normalised actions; without a latent, the mean 0 is used.
 
         Args:
-            inputs: Channel -> (B, tokens, features) float32; `rgb` -> (B, 3, H, W) in -1 to 1.
+            inputs: Channel -> (B, tokens, features) float32; those of a camera as `Eyes` takes them.
             latent: (B, Z) style.
-            seen: (B, 1, W) token of the image, if `see` has already computed it.
+            seen: (B, S, W) tokens of the camera, if `see` has already computed them.
         """
         tokens = self._tokens(inputs)
         if latent is None:
@@ -148,14 +146,14 @@ class Act(nn.Module):
         return out
 
     def see(self, inputs: Mapping[str, Tensor]) -> Tensor | None:
-        """(B, 1, W) token of the image, or None for a policy without images."""
-        return None if self.eye is None else self.eye(inputs["rgb"])
+        """(B, S, W) tokens of the channels of a camera, or None for a policy without any."""
+        return None if self.eyes is None else self.eyes(inputs)
 
     def encode(self, inputs: Mapping[str, Tensor], actions: Tensor, keep: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and log variance, (B, Z) each, of the style of a demonstrated chunk.
 
         Args:
-            inputs: As in `forward`; the image is ignored.
+            inputs: As in `forward`; what the camera gives is ignored.
             actions: (B, C, A) normalised.
             keep: (B, C), false for steps after the episode's end.
         """
@@ -170,7 +168,9 @@ class Act(nn.Module):
         return mean, log_variance
 
     def _tokens(self, inputs: Mapping[str, Tensor]) -> Tensor:
-        return torch.cat([layer(inputs[name]) for name, layer in self.embed.items()], dim=1)
+        batch = len(next(iter(inputs.values())))
+        none = self.place.new_zeros(batch, 0, self.place.shape[1])  # a policy may take nothing but pictures
+        return torch.cat([none, *(layer(inputs[name]) for name, layer in self.embed.items())], dim=1)
 
 
 def loss_of(network: Act, batch: Batch, noise: Tensor, kl_weight: float) -> tuple[Tensor, Tensor]:
@@ -193,13 +193,12 @@ def loss_of(network: Act, batch: Batch, noise: Tensor, kl_weight: float) -> tupl
     kl = -0.5 * (1 + log_variance - mean.square() - log_variance.exp()).sum(dim=-1).mean()
     loss = l1 + kl_weight * kl
     if network.locate is not None and seen is not None and batch.places is not None:
-        loss = loss + (network.locate(seen[:, 0]) - batch.places).abs().mean()
+        loss = loss + (network.locate(seen.flatten(1)) - batch.places).abs().mean()
     return loss, l1
 
 
 def of_contract(contract: PolicyContract, seed: int = 0) -> Act:
     """Build the network of a contract, with initial weights that depend only on `seed`."""
-    vectors = {channel.name: features.tokens(channel) for channel in contract.inputs if channel.encoding != "picture"}
     with torch.random.fork_rng(devices=()):
         torch.manual_seed(seed)
-        return Act(Sizes.of(contract.settings), vectors, len(contract.action.names), looks=contract.sees)
+        return Act(Sizes.of(contract.settings), contract)

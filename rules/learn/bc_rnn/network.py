@@ -16,12 +16,12 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from dextera_build.artifacts.tasks.policy import PolicyContract
-from dextera_build.learning.eye import Eye
+from dextera_build.learning.eye import Eyes
 from dextera_build.learning.samples import Batch
 from dextera_build.policy import features
 
 SEEN = 64
-"""Features of an image; robomimic's."""
+"""Features of each channel of a camera; robomimic's."""
 
 State = tuple[Tensor, Tensor]
 """Hidden state and cell (L, B, H) of the LSTM after a step."""
@@ -80,17 +80,17 @@ class BcRnn(nn.Module):
 
     Args:
         sizes: Sizes of the network.
-        inputs: Channel -> numbers in the vector inputs, in order.
-        actions: Components of an action.
-        looks: Whether there is also an image input, of any size.
+        contract: Inputs and outputs of the policy.
     """
 
-    def __init__(self, sizes: Sizes, inputs: Mapping[str, int], actions: int, *, looks: bool = False) -> None:
+    def __init__(self, sizes: Sizes, contract: PolicyContract) -> None:
         super().__init__()
+        inputs = {channel.name: math.prod(features.tokens(channel)) for channel in contract.vectors}
+        actions, seen = len(contract.action.names), SEEN * len(contract.seen)
         self._inputs, self._shape, self._least_std = tuple(inputs), (sizes.modes, actions), sizes.least_std
-        self.eye = Eye(SEEN) if looks else None
-        self.locate = nn.Linear(SEEN, sizes.located) if looks and sizes.located else None
-        taken = sum(inputs.values()) + (SEEN if looks else 0)
+        self.eyes = Eyes(contract, SEEN) if seen else None
+        self.locate = nn.Linear(seen, sizes.located) if seen and sizes.located else None
+        taken = sum(inputs.values()) + seen
         self.lstm = nn.LSTM(taken, sizes.hidden, sizes.layers, batch_first=True)
         self.means = nn.Linear(sizes.hidden, sizes.modes * actions)
         self.spreads = nn.Linear(sizes.hidden, sizes.modes * actions)
@@ -102,9 +102,9 @@ class BcRnn(nn.Module):
         """The distribution of the action at each of T steps, and the state after the last.
 
         Args:
-            inputs: Channel -> (B, T, tokens, features) float32; `rgb` -> (B, T, 3, H, W) in -1 to 1.
+            inputs: Channel -> (B, T, tokens, features) float32; those of a camera as `Eyes` takes them.
             state: The state before the first step; None: nothing was seen yet.
-            seen: (B, T, S) features of the images, if `see` has already computed them.
+            seen: (B, T, S) features of what the camera gives, if `see` has already computed them.
         """
         parts = [inputs[name].flatten(2) for name in self._inputs]
         seen = self.see(inputs) if seen is None else seen
@@ -114,12 +114,8 @@ class BcRnn(nn.Module):
         return Modes(self.logits(read), self.means(read).view(shape), stds), state
 
     def see(self, inputs: Mapping[str, Tensor]) -> Tensor | None:
-        """(B, T, S) features of the images, or None for a policy without images."""
-        if self.eye is None:
-            return None
-        pixels = inputs["rgb"]
-        seen: Tensor = self.eye(pixels.flatten(0, 1)).view(*pixels.shape[:2], SEEN)
-        return seen
+        """(B, T, S) features of what the camera gives, or None for a policy without a camera."""
+        return None if self.eyes is None else self.eyes(inputs).flatten(2)
 
 
 def loss_of(network: BcRnn, batch: Batch) -> tuple[Tensor, Tensor]:
@@ -142,8 +138,6 @@ def loss_of(network: BcRnn, batch: Batch) -> tuple[Tensor, Tensor]:
 
 def of_contract(contract: PolicyContract, seed: int = 0) -> BcRnn:
     """Build the network of a contract, with initial weights that depend only on `seed`."""
-    channels = contract.inputs
-    vectors = {one.name: math.prod(features.tokens(one)) for one in channels if one.encoding != "picture"}
     with torch.random.fork_rng(devices=()):
         torch.manual_seed(seed)
-        return BcRnn(Sizes.of(contract.settings), vectors, len(contract.action.names), looks=contract.sees)
+        return BcRnn(Sizes.of(contract.settings), contract)

@@ -1,7 +1,7 @@
 """The network of Diffusion Policy: it tells the noise in a window of actions from what was observed.
 
 The window begins at the oldest observed step. Vector channels of each observed step are the condition as they are;
-pictures are encoded by a small convolutional network instead of a ResNet-18.
+what a camera gives is encoded by small networks instead of a ResNet-18.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from dextera_build.artifacts.tasks.policy import PolicyContract
-from dextera_build.learning.eye import Eye
+from dextera_build.learning.eye import Eyes
 from dextera_build.learning.samples import Batch
 from dextera_build.policy import features
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from dextera_build.learning.demonstrations import Demonstrations
 
 SEEN = 64
-"""Features of a picture."""
+"""Features of each channel of a camera."""
 
 
 class Denoiser(nn.Module):
@@ -46,11 +46,11 @@ class Denoiser(nn.Module):
         settings, actions = contract.settings, len(contract.action.names)
         self.history, self.passes = int(settings["history"]), int(settings["denoisings"])
         self.shape = (int(settings["horizon"]), actions)
-        vectors = [channel for channel in contract.inputs if channel.encoding != "picture"]
-        self.vectors = [channel.name for channel in vectors]
-        observed = sum(count * size for count, size in map(features.tokens, vectors)) + SEEN * contract.sees
-        self.eye = Eye(SEEN) if contract.sees else None
-        self.locate = nn.Linear(SEEN, int(settings["located"])) if contract.sees and settings["located"] else None
+        self.vectors = [channel.name for channel in contract.vectors]
+        seen = SEEN * len(contract.seen)
+        observed = sum(count * size for count, size in map(features.tokens, contract.vectors)) + seen
+        self.eyes = Eyes(contract, SEEN) if seen else None
+        self.locate = nn.Linear(seen, int(settings["located"])) if seen and settings["located"] else None
         self.body = _body(settings, actions, observed, dropout)
         self.register_buffer("centre", torch.zeros(actions))
         self.register_buffer("reach", torch.ones(actions))
@@ -67,18 +67,17 @@ class Denoiser(nn.Module):
         self.reach = ((high - low) / 2).clamp(min=1.0)
 
     def observe(self, inputs: Mapping[str, Tensor]) -> tuple[Tensor, Tensor | None]:
-        """Features (B, H, D) of the observed steps, and those (B, S) of the present picture alone.
+        """Features (B, H, D) of the observed steps, and those (B, S) of what the camera gives at present alone.
 
         Args:
-            inputs: Channel -> (B, H, tokens, features); `rgb` -> (B, H, 3, height, width) in -1 to 1. If only the
-                present step is observed, without the axis H.
+            inputs: Channel -> (B, H, tokens, features); those of a camera as `Eyes` takes them. If only the present
+                step is observed, without the axis H.
         """
         batch = len(next(iter(inputs.values())))
         parts = [inputs[name].reshape(batch, self.history, -1) for name in self.vectors]
-        if self.eye is None:
+        if self.eyes is None:
             return torch.cat(parts, dim=2), None
-        frames = inputs["rgb"]
-        seen = self.eye(frames.flatten(0, -4)).reshape(batch, self.history, -1)
+        seen = self.eyes(inputs).reshape(batch, self.history, -1)
         return torch.cat([*parts, seen], dim=2), seen[:, -1]
 
     def forward(self, actions: Tensor, levels: Tensor, observed: Tensor) -> Tensor:

@@ -6,7 +6,7 @@ import json
 from typing import Any, Protocol
 
 from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.tasks.policy import Channel, Checkpoint, PolicyContract
+from dextera_build.artifacts.tasks.policy import SEEN, Channel, Checkpoint, PolicyContract
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.policy import contract as contracts
@@ -68,7 +68,7 @@ def _given(here: Layout, said: Said, options: ServedOptions, settings: Settings)
         task=here.task,
         embodiment=here.embodiment,
         inputs=tuple(
-            each if each.encoding == "picture" else each.model_copy(update={"encoding": "plain"}) for each in channels
+            each if each.encoding in SEEN else each.model_copy(update={"encoding": "plain"}) for each in channels
         ),
         action=Channel(name="action", shape=(len(here.joints),), names=here.joints),
         rate_hz=here.rate_hz,

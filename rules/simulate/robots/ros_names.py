@@ -36,6 +36,8 @@ class RosNamesOptions(Options):
     """What takes commands; empty: one JointTrajectory controller of all joints, on `/joint_trajectory`."""
     pictures: dict[str, str] = Field(default_factory=dict)
     """Camera -> topic of CompressedImage."""
+    depths: dict[str, str] = Field(default_factory=dict)
+    """Camera -> topic of Image with its depth, registered to the pictures."""
     objects: str = ""
     """Topic of TFMessage on which a tracker publishes poses of objects."""
     displacement: str = ""

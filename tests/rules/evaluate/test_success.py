@@ -210,6 +210,8 @@ def test_pairs_are_matched_by_seed(runner):
     assert (row["starts"], row["placed alike"]) == (2, 2)
     assert (row["both"], row["only first"], row["only second"], row["neither"]) == (1, 1, 0, 0)
     assert (row["p"], row["e"], row["decided after"]) == (1.0, pytest.approx(1.0), None)
+    assert row["difference"] == 50.0
+    assert row["from"] < 0 < row["to"] <= 100.0
 
 
 def test_other_worlds_are_compared_with_the_same_actor_alone(runner):
@@ -231,10 +233,24 @@ def test_other_worlds_are_compared_with_the_same_actor_alone(runner):
     assert runner.outcome.line == "2 comparisons on the same starts, 1 decided"
 
 
+def test_the_difference_of_two_trainings_is_averaged_over_tasks(runner):
+    parts = [
+        trials((count, 20), label, name=name)
+        for name, pair in {"CloseLaptop": (18, 10), "LiftMug": (12, 12)}.items()
+        for label, count in zip(("ACT", "ACT twin only"), pair, strict=True)
+    ]
+    *each, mean = rows(runner.run("evaluate.paired", trials=together(*parts)))
+    assert [row["difference"] for row in each] == pytest.approx([40.0, 0.0])
+    assert (mean["task"], mean["first"], mean["second"]) == ("mean of 2", "ACT, twin", "ACT twin only, twin")
+    assert mean["difference"] == pytest.approx(20.0)
+    assert 0 < mean["from"] < 20 < mean["to"]
+    assert (mean["starts"], mean["p"], mean["decided after"]) == (None, None, None)
+
+
 def test_trials_that_ended_with_their_decision_have_wider_intervals_and_no_p(runner):
     both = together(trials([True] * 8, stopped=True), trials([False] * 8, "PPO", stopped=True))
     (row,) = rows(runner.run("evaluate.paired", trials=both))
-    assert (row["p"], row["decided after"]) == (None, 8)
+    assert (row["p"], row["difference"], row["decided after"]) == (None, None, 8)
     first = rows(runner.run("evaluate.success_rates", trials=both))[0]
     assert first["low"] == pytest.approx(100 * confidence_sequence(8, 8)[0])
     assert first["low"] < 100 * wilson(8, 8)[0]

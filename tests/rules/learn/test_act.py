@@ -63,7 +63,8 @@ def test_neither_threads_nor_the_global_generator_matter(tmp_path: Path) -> None
     "more",
     [
         {"jitter": 0.02},
-        pytest.param({"average": 0.9}, marks=pytest.mark.slow),
+        pytest.param({"average": 0.9, "snapshot_every": 5}, marks=pytest.mark.slow),
+        pytest.param({"bf16": True}, marks=pytest.mark.slow),
         pytest.param({"inputs": ("joints", "rgb"), "steps": 12}, marks=pytest.mark.slow),
     ],
 )
@@ -91,6 +92,20 @@ def test_a_damaged_state_begins_anew(tmp_path: Path, monkeypatch: pytest.MonkeyP
     rest, lines = interrupted(tmp_path / "cut", data, None, monkeypatch)
     assert not [line for line in lines if line.startswith("resumes")]
     assert rest.weights == whole.weights
+
+
+@pytest.mark.slow
+def test_a_training_whose_snapshot_was_lost_begins_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    data = episodes.small(4)
+    whole, _ = interrupted(tmp_path / "whole", data, None, monkeypatch, average=0.9, snapshot_every=5)
+    assert list(whole.snapshots) == ["5", "10"]
+    assert len({*whole.snapshots.values(), whole.weights}) == 3
+    interrupted(tmp_path / "cut", data, 11, monkeypatch, average=0.9, snapshot_every=5)
+    (lost,) = (tmp_path / "cut" / "keep").glob("*-5.safetensors")
+    lost.unlink()
+    rest, lines = interrupted(tmp_path / "cut", data, None, monkeypatch, average=0.9, snapshot_every=5)
+    assert not [line for line in lines if line.startswith("resumes")]
+    assert rest.snapshots == whole.snapshots
 
 
 @pytest.mark.medium
@@ -171,7 +186,7 @@ def test_it_learns_from_pictures(tmp_path: Path) -> None:
     made = learn(tmp_path, data, inputs=("joints", "rgb"), film=filmed(data), steps=60)
     assert made.contract.inputs[1].shape == (32, 48, 3)
     assert made.curve[-1] < 0.5 * made.curve[0]
-    assert {"eye", "locate"} <= {name.partition(".")[0] for name in weights.from_bytes(made.weights)}
+    assert {"eyes", "locate"} <= {name.partition(".")[0] for name in weights.from_bytes(made.weights)}
     assert "objects" not in {channel.name for channel in made.contract.inputs}
 
 

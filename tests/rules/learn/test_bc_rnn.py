@@ -17,8 +17,8 @@ from dextera_build.learning import weights
 from dextera_build.learning.samples import Batch
 from dextera_build.policy.observation import PICTURE, Frame, Measurement, deployable
 from tests import episodes
-from tests.policy.policies import load, runner
-from tests.rules.learn.trainings import BUNDLE, FEW, Trainings, filmed, miss
+from tests.policy.policies import contract, load, runner
+from tests.rules.learn.trainings import BUNDLE, FEW, Trainings, changed, filmed, miss
 
 SEEN = {"inputs": ("objects",), "steps": 150, "batch": 32, "rate": 1e-2, "warm_up": 10, "held_out": 0.0}
 RNN = Trainings("learn.bc_rnn", SEEN | {"hidden": 24, "layers": 1, "least_std": 0.2})
@@ -30,19 +30,6 @@ SWING = Trainings(
 STEPS, CUE = 10, 3
 """Steps of an episode, and the first of these in which is seen what the action depends on."""
 learn = SWING.learn
-
-
-def changed(count: int, steps: int, actions: np.ndarray, places: np.ndarray) -> Episodes:
-    """Episodes that differ in `actions` [rad] of joint 1 and `places` [m] of the box along x, (count, steps) each."""
-    data = episodes.small(count, steps)
-    first, items = data.items["0"], {}
-    for (name, one), sent, seen in zip(data.items.items(), actions, places, strict=True):
-        objects = np.tile(first.objects[:1], (steps, 1, 1))
-        objects[:, 0, 0] = seen
-        action = np.tile(first.action[:1], (steps, 1))
-        action[:, 0] = sent
-        items[name] = episodes.observed(one.model_copy(update={"action": action}), objects=objects)
-    return data.model_copy(update={"items": items})
 
 
 def remembered() -> Episodes:
@@ -150,7 +137,7 @@ def test_the_loss_is_the_negative_log_likelihood_of_valid_steps() -> None:
 
 def test_standard_deviations_have_a_floor() -> None:
     network = runner("bc_rnn").network
-    made = network.BcRnn(network.Sizes(hidden=8, least_std=0.25), {"joints": 3}, 3)
+    made = network.BcRnn(network.Sizes(hidden=8, least_std=0.25), contract(BUNDLE, ("joints",)))
     with torch.no_grad():
         made.spreads.bias.fill_(-1e4)
         modes, _ = made({"joints": torch.zeros(1, 4, 1, 3)})
@@ -159,7 +146,7 @@ def test_standard_deviations_have_a_floor() -> None:
 
 def test_steps_one_by_one_are_the_whole_window() -> None:
     network = runner("bc_rnn").network
-    made = network.BcRnn(network.Sizes(hidden=8), {"joints": 3}, 3)
+    made = network.BcRnn(network.Sizes(hidden=8), contract(BUNDLE, ("joints",)))
     seen, state = torch.randn(1, 6, 1, 3), None
     whole, _ = made({"joints": seen})
     for step in range(6):
@@ -196,7 +183,7 @@ def test_it_learns_from_pictures(tmp_path: Path) -> None:
     data = episodes.small(4)
     made = learn(tmp_path, data, inputs=("joints", "rgb"), film=filmed(data))
     assert made.curve[-3:].mean() < made.curve[0] - 0.5
-    assert {"eye", "locate"} <= {name.partition(".")[0] for name in weights.from_bytes(made.weights)}
+    assert {"eyes", "locate"} <= {name.partition(".")[0] for name in weights.from_bytes(made.weights)}
     policy = load(made, BUNDLE, episodes.view(48, 32))
     joints, frames = data.items["0"].joints[0], np.zeros((2, 32, 48, 3), np.uint8)
     frames[1, 8:16, 8:16] = 255

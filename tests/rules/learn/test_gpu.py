@@ -25,6 +25,15 @@ def test_the_same_inputs_give_the_same_bytes(kind: Trainings, tmp_path: Path) ->
 
 
 @ALL
+@pytest.mark.parametrize("faster", ["bf16", "compile"])
+def test_faster_arithmetic_learns_the_same(kind: Trainings, tmp_path: Path, faster: str) -> None:
+    data = episodes.small(4)
+    plain, fast = (kind.learn(tmp_path, data, "cuda", steps=8, **more) for more in ({}, {faster: True}))
+    assert fast.weights != plain.weights
+    np.testing.assert_allclose(fast.curve, plain.curve, rtol=0.1)
+
+
+@ALL
 def test_the_losses_are_those_of_the_cpu(kind: Trainings, tmp_path: Path) -> None:
     """Over few steps, because every step amplifies differences of rounding."""
     data = episodes.small(4)

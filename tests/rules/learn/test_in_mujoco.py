@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.tasks.episode import Episodes
+from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.policy.layout import gathered
 from dextera_build.policy.observation import DeployableObservation
 from dextera_build.sim.runtime.environment import Environment
@@ -59,3 +60,38 @@ def test_a_policy_does_what_was_shown(tmp_path: Path, shown: Episodes, rule: str
     found = runner.run("evaluate.rollouts", bundle=BUNDLE, checkpoint=made, options={"trials": 10})
     assert found.algorithm == made.contract.algorithm
     assert found.successes >= 6, found.reasons
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["depth", "cloud"])
+def test_a_policy_on_depth_or_points_does_what_was_filmed(tmp_path: Path, shown: Episodes, name: str) -> None:
+    runner = RuleRunner(tmp_path, made_by={"checkpoint": "learn.act"})
+    seen = {"bundle": BUNDLE, "view": gate.view()}
+    film = runner.run("demonstrate.film", episodes=shown, options={"depth": True}, **seen)
+    more = {"steps": 300, "batch": 32, "warm_up": 50, "held_out": 0.0, "width": 32, "heads": 2, "chunk": 10}
+    options = {**more, "inputs": ("joints", name)}
+    made = runner.run("learn.act", backend="torch", bundle=BUNDLE, episodes=shown, film=film, options=options)
+    found = runner.run("evaluate.rollouts", checkpoint=made, options={"trials": 10}, **seen)
+    assert found.successes >= 6, found.reasons
+
+
+@pytest.mark.slow
+def test_success_grows_during_a_training(tmp_path: Path, shown: Episodes) -> None:
+    runner = RuleRunner(tmp_path, made_by={"checkpoint": "learn.act"})
+    more = {"steps": 400, "batch": 32, "warm_up": 50, "held_out": 0.0, "width": 32, "heads": 2, "chunk": 10}
+    options = {**more, "average": 0.99, "snapshot_every": 20}
+    made = runner.run("learn.act", backend="torch", bundle=BUNDLE, episodes=shown, options=options)
+    kept = {step: made.snapshots[step] for step in ("20", "200")}
+    made = made.model_copy(update={"snapshots": kept})
+    given = {"bundle": BUNDLE, "checkpoint": made}
+    tried: Checkpoint = runner.run("evaluate.early", options={"trials": 5}, **given)
+    assert tried.early is not None
+    assert tried.early.steps == (20, 200, 400)
+    assert tried.early.successes[0] < tried.early.successes[2] > 3
+    assert len(runner.outcome.previews) == 1
+    assert (tried.weights, tried.early.chosen, tried.snapshots) == (made.weights, 400, {})
+    best: Checkpoint = runner.run("evaluate.early", options={"trials": 5, "choose": "best"}, **given)
+    assert best.early is not None
+    assert best.early.successes == tried.early.successes
+    assert best.weights == {200: kept["200"], 400: made.weights}[best.early.chosen]
+    assert runner.run("evaluate.rollouts", bundle=BUNDLE, checkpoint=best, options={"trials": 5}).successes > 2

@@ -24,6 +24,8 @@ from tests.policy.policies import load
 BUNDLE = episodes.bundle()
 CUT_STEPS = 14
 """Steps of a training that is killed, three more than the last kill has seen."""
+MIDDLE = np.array([0.3, -0.28])
+"""Place of a box in the middle of a picture of `filmed` [m]; those of `episodes.small` are near it."""
 FEW = {"steps": 3}
 """Of a training of which is asked what it read, and not what it learned."""
 
@@ -90,6 +92,7 @@ class Trainings:
         rest, lines = self.interrupted(tmp_path / "cut", data, None, monkeypatch, device, **more)
         assert lines[0] == "resumes after step 11"
         assert rest.weights == whole.weights
+        assert rest.snapshots == whole.snapshots
         np.testing.assert_array_equal(rest.curve, whole.curve)
         np.testing.assert_array_equal(rest.steps, whole.steps)
 
@@ -116,6 +119,28 @@ def miss(made: Checkpoint, steps: int = 30) -> float:
     return float(np.median(missed))
 
 
+def changed(count: int, steps: int, actions: np.ndarray, places: np.ndarray) -> Episodes:
+    """Episodes that differ in `actions` [rad] of joint 1 and `places` [m] of the box along x, (count, steps) each."""
+    data = episodes.small(count, steps)
+    first, items = data.items["0"], {}
+    for (name, one), sent, seen in zip(data.items.items(), actions, places, strict=True):
+        objects = np.tile(first.objects[:1], (steps, 1, 1))
+        objects[:, 0, 0] = seen
+        action = np.tile(first.action[:1], (steps, 1))
+        action[:, 0] = sent
+        items[name] = episodes.observed(one.model_copy(update={"action": action}), objects=objects)
+    return data.model_copy(update={"items": items})
+
+
+def square(height: int, width: int, position: np.ndarray) -> tuple[slice, slice]:
+    """Rows and columns of a picture where a box at `position` (2,) [m] is seen."""
+    middle = (
+        round(half + 100 * float(at)) for half, at in zip((height / 2, width / 2), position - MIDDLE, strict=True)
+    )
+    rows, columns = (slice(max(0, each - 4), max(0, each + 4)) for each in middle)
+    return rows, columns
+
+
 def filmed(data: Episodes, height: int = 32, width: int = 48) -> Film:
     """A film in which a bright square stands where the box is."""
     return Film(
@@ -126,8 +151,6 @@ def filmed(data: Episodes, height: int = 32, width: int = 48) -> Film:
 def _frames(one: Episode, height: int, width: int) -> bytes:
     frames = np.zeros((len(one.action), height, width, 3), np.uint8)
     for frame, position in zip(frames, one.objects[:, 0, :2], strict=True):
-        row, column = (
-            int(size / 2 + 100 * (value - 0.4)) for size, value in zip((height, width), position, strict=True)
-        )
-        frame[max(0, row - 4) : max(0, row + 4), max(0, column - 4) : max(0, column + 4)] = 255
+        frame[square(height, width, position)] = 255
+    assert frames.any(), "the box is in the picture"
     return Film.packed(frames)

@@ -1,0 +1,87 @@
+"""What a camera showed at the steps of demonstrations: the pictures, distances and points that a policy learns from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from dextera_build.artifacts.tasks.episode import DEPTH_STEP_M
+from dextera_build.artifacts.tasks.policy import Channel
+from dextera_build.errors import RuleError
+from dextera_build.geometry import cameras
+from dextera_build.learning.parts import Frames, Part
+from dextera_build.policy import features
+
+
+@dataclass(frozen=True)
+class Sight:
+    """Frames of all steps."""
+
+    pictures: Frames
+    """Colours (H, W, 3) uint8 sRGB."""
+    depth: Frames | None
+    """Distances (H, W) uint16 in counts of `DEPTH_STEP_M`, or None."""
+    rays: tuple[np.ndarray, ...]
+    """Directions (H, W, 3) float32 of the pixels of each part's camera, z = 1; none without depth."""
+    parts: np.ndarray
+    """Number of the part of each step (N,)."""
+
+    @classmethod
+    def of(cls, parts: Sequence[Part]) -> Self | None:
+        """What the films of the parts show; None without films."""
+        if any(part.film is None for part in parts):
+            return None
+        depths = [each for part in parts for each in part.depths]
+        return cls(
+            Frames([each for part in parts for each in part.pixels]),
+            Frames(depths) if depths else None,
+            tuple(_rays(part) for part in parts) if depths else (),
+            np.repeat(np.arange(len(parts)), [sum(part.lengths) for part in parts]),
+        )
+
+    def at(self, channel: Channel, rows: np.ndarray) -> np.ndarray:
+        """The input of a network at steps (N,), as `policy.running.Predict` gets it.
+
+        Args:
+            channel: A channel that a camera gives.
+            rows: Steps.
+        """
+        if channel.encoding == "picture":
+            return self.pictures.at(rows)
+        return features.ranged(channel, self._metres(channel, rows))
+
+    def measured(self, channel: Channel, rows: np.ndarray) -> np.ndarray:
+        """The distances (M, 1) or points (M, 3) [m] that were measured within reach at steps (N,).
+
+        Raises:
+            RuleError: There are none.
+        """
+        found = self._metres(channel, rows)
+        values = found[..., None] if channel.encoding == "depth" else found
+        kept = values[(values[..., -1] > 0) & features.near(channel, values[..., -1])]
+        if not len(kept):
+            raise RuleError(
+                f"nothing in the film is within {channel.reach_m:g} m of the camera",
+                code="DXB-B516",
+                hint="reach_m: 10.0",
+            )
+        return np.asarray(kept)
+
+    def _metres(self, channel: Channel, rows: np.ndarray) -> np.ndarray:
+        """`depth` (N, H, W), or `cloud` (N, h, w, 3) of even pixels, float32 [m]."""
+        assert self.depth is not None
+        counts, step = self.depth.at(rows), np.float32(DEPTH_STEP_M)
+        if channel.encoding == "depth":
+            return counts * step
+        down, across = features.even(*counts.shape[1:])
+        rays = np.stack([each[down, across] for each in self.rays])[self.parts[rows]]
+        return np.asarray(counts[:, down, across, None] * step * rays)
+
+
+def _rays(part: Part) -> np.ndarray:
+    camera = part.film.camera if part.film else None
+    assert camera is not None
+    return cameras.rays(camera.height, camera.width, camera.matrix()).astype(np.float32)
