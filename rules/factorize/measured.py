@@ -55,14 +55,17 @@ class Workspace(DepthView):
         """Counter-clockwise quarter turns that make the photograph upright."""
         return upright.turns(self.world_from_camera)
 
-    def over_support(self) -> tuple[np.ndarray, np.ndarray]:
-        """Pixels (H, W) bool whose line of sight meets the support inside its outline, and its depth there [m]."""
+    def over_support(self, margin_m: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """Pixels (H, W) bool whose line of sight meets the support's plane, and its depth there [m].
+
+        Inside the support's outline, or at most `margin_m` beyond it [m].
+        """
         pose = self.world_from_camera
         rays = cameras.rays(self.camera.height, self.camera.width, self.k) @ pose[:3, :3].T
         ahead = rays[..., 2] < -1e-6
         depth = pose[2, 3] / np.where(ahead, -rays[..., 2], 1.0)
         meets = pose[:2, 3] + rays[..., :2] * depth[..., None]
-        inside = ahead & regions.inside_convex(meets, self.support.polygon)
+        inside = ahead & regions.inside_convex(meets, self.support.polygon, margin_m)
         return np.asarray(inside), np.where(inside, depth, 0.0)
 
     def upright(self) -> Workspace:

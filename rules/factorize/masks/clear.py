@@ -88,11 +88,11 @@ def clear_things(seen: Workspace, masks: Mapping[str, np.ndarray]) -> list[Clear
         extent = float(np.ptp(places[mask], axis=0).max())
         if float(area[mask & odd].sum()) < LEAST_M2 or extent > LARGEST_M or odd[mask].mean() < MISSING:
             continue
-        if _is_thick(mask, area) and _ring(mask, taken) <= BESIDE:
+        if is_thick(mask, area) and _ring(mask, taken) <= BESIDE:
             likely.append(mask)
     if not likely:
         return []
-    surface, found = _surface(seen), []
+    surface, found = surface_of(seen), []
     for mask in likely:
         if _outlined(surface, mask, odd | taken) > OUTLINED:
             names = tuple(name for name, scrap in scraps.items() if (scrap & mask).sum() > 0.5 * scrap.sum())
@@ -132,13 +132,13 @@ def _ring(mask: np.ndarray, other: np.ndarray) -> float:
     return float(other[ring].mean()) if ring.any() else 0.0
 
 
-def _is_thick(mask: np.ndarray, area: np.ndarray) -> bool:
-
+def is_thick(mask: np.ndarray, area: np.ndarray) -> bool:
+    """Whether a mask (H, W) is wider than bands beside objects; `area` (H, W) is that of its pixels [m^2]."""
     inside = float(inwards(mask).max())
     return inside * float(np.sqrt(np.median(area[mask]))) > THICK_M
 
 
-class _Surface(NamedTuple):
+class Surface(NamedTuple):
     """The picture as it is compared with the support."""
 
     bare: np.ndarray
@@ -149,17 +149,18 @@ class _Surface(NamedTuple):
     """Strength of edges (H, W)."""
 
 
-def _surface(seen: Workspace) -> _Surface:
+def surface_of(seen: Workspace) -> Surface:
+    """The picture of a capture, and where it shows the support."""
     from scipy import ndimage
 
     level = np.abs(seen.world_points()[..., 2]) < least_height(seen.depth.astype(np.float64))
     lab = proposals.colour_lab(seen.pixels)
     smooth = ndimage.gaussian_filter(lab[..., 0], 1.0)
     edge = np.hypot(ndimage.sobel(smooth, axis=0), ndimage.sobel(smooth, axis=1))
-    return _Surface(seen.over_support()[0] & level, lab, edge)
+    return Surface(seen.over_support()[0] & level, lab, edge)
 
 
-def _outlined(surface: _Surface, mask: np.ndarray, not_support: np.ndarray) -> float:
+def _outlined(surface: Surface, mask: np.ndarray, not_support: np.ndarray) -> float:
     """Fraction of the pixels of a mask whose colour the support beside it lacks, or that are sharper than its edges."""
     from scipy import ndimage
     from scipy.spatial import cKDTree

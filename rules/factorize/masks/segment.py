@@ -16,6 +16,7 @@ from dextera_build.rule import Context, Fraction, Options, rule
 
 from ..measured import Measurements, Workspace, of_workspace, robot_pixels
 from ..overlap import suppress
+from .beside_depth import things_beside_depth
 from .clear import Clear, clear_things
 from .cutting import Cutter, Said
 from .marking import outlines
@@ -99,6 +100,11 @@ def segment(
     ctx.say(f"{', '.join(result.names)}" + (f"; nothing of {', '.join(lost)}" if lost else ""))
     ctx.preview(outlines(photograph.rgb.pixels, result.map.labels), "instances")
     _tell_clear(ctx, photograph.rgb.pixels, clear)
+    for box in things_beside_depth(depth.needed()) if depth.taken else []:
+        ctx.warn(
+            f"a thing is in the box {list(box)}, beside the depth image, which is narrower than the photograph: it "
+            "is no body; turn the camera so that it is nearer to the middle"
+        )
     return result
 
 
