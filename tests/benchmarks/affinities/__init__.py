@@ -1,0 +1,1 @@
+"""The network of `rules.factorize.regions.affinities`: pictures to learn from, training, and its file."""
