@@ -2,6 +2,7 @@
 
     python -m tests.benchmarks.captured_things            # all tables
     python -m tests.benchmarks.captured_things --names    # names alone: no body is fitted
+    python -m tests.benchmarks.captured_things --known --outlined    # sizes with masks that are outlined by hand
 
 The captures lie outside the project. The words are by eye. Sizes and masses are those published with the YCB object
 set (Calli et al. 2015), for full packages as bought; what the photographed ones contain is not known.
@@ -12,7 +13,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -108,6 +109,8 @@ class Found:
     name: str  # of the instance; empty without one
     instance: Instance | None
     support: Support
+    own: np.ndarray  # (H, W) bool, its outline or label in the photograph
+    shown: np.ndarray  # (H, W) bool, the instance's mask; empty without one
 
 
 def things(runner: RuleRunner, capture: str) -> Iterator[Found]:
@@ -118,7 +121,18 @@ def things(runner: RuleRunner, capture: str) -> Iterator[Found]:
     for row, (thing, word) in enumerate(zip(names, words, strict=True)):
         best = int(np.argmax(matrix[row]))
         name = found.names[best] if matrix[row, best] >= outlines.FOUND else ""
-        yield Found(capture, thing, word, name, found.items[name] if name else None, support)
+        shown = found.mask(name) if name else np.zeros(labels.shape, bool)
+        own = labels == row + 1
+        yield Found(capture, thing, word, name, found.items[name] if name else None, support, own, shown)
+
+
+def outlined(found: Found) -> Found:
+    """The same with the mask of its outline, as far as it is in the instance's crop."""
+    assert found.instance is not None
+    crop = found.instance.view.mask
+    top, left = np.argwhere(found.shown).min(axis=0) - np.argwhere(crop).min(axis=0)
+    mask = found.own[top : top + crop.shape[0], left : left + crop.shape[1]]
+    return replace(found, instance=object_views.changed(found.instance, mask=mask))
 
 
 def _truth(capture: str, found: Segmentation) -> tuple[np.ndarray, list[str], list[str]]:
@@ -201,6 +215,7 @@ def main() -> None:
     """The tables."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--names", action="store_true", help="names alone")
+    options.add_argument("--outlined", action="store_true", help="take the masks that are outlined by hand")
     options.add_argument("--known", action="store_true", help="only photographs of things of known size")
     given = options.parse_args()
     with tempfile.TemporaryDirectory() as folder:
@@ -210,7 +225,8 @@ def main() -> None:
         _names(told)
         if not given.names:
             print()
-            _bodies(runner, told)
+            # Of a thing alone in its photograph, the mask is its outline.
+            _bodies(runner, [outlined(one) if given.outlined and one.instance else one for one in told])
 
 
 if __name__ == "__main__":

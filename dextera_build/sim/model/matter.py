@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
-from PIL import Image
 
+from dextera_build.artifacts.cameras.image import png
 from dextera_build.artifacts.scenes.world import Matter, Part
 from dextera_build.artifacts.shapes.mesh import Hull, Mesh
 from dextera_build.formats import obj
@@ -46,7 +45,7 @@ class Stock:
             name=name, specular=part.gloss, shininess=0.5, rgba=[*part.mesh.colour, 1.0], reflectance=0.0
         )
         if part.mesh.texture is not None:
-            self._file(f"{name}.png", quick_png(part.mesh.texture.pixels))
+            self._file(f"{name}.png", png(part.mesh.texture.pixels, level=1))
             self.spec.add_texture(name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, file=f"{name}.png")
             material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
             material.rgba[:] = 1.0
@@ -121,13 +120,6 @@ def shaded_obj(mesh: Mesh) -> str:
         words = [f"{v}/{c if textured else ''}/{c}" for v, c in zip(face, corners, strict=True)]
         lines.append("f " + " ".join(words))
     return "\n".join(lines) + "\n"
-
-
-def quick_png(pixels: np.ndarray) -> bytes:
-    """PNG bytes of (H, W, 3) uint8, optimized for speed over size: tables and walls have large textures."""
-    buffer = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(pixels)).save(buffer, format="PNG", compress_level=1)
-    return buffer.getvalue()
 
 
 def _place(geom: Any, pose: np.ndarray) -> None:
