@@ -81,8 +81,8 @@ class Headset:
     async def wear(self) -> None:
         """Enter the page's headset, and hold the hands open until they are measured."""
         await self._page.run("session.headset.enter()")
-        await self._show(self._capture(*operators.opened(self._hands, 0), 0.2))
-        # The emulator has hands of its own, of another size, until it plays these.
+        # The emulator has hands of its own, of another size, before it plays these, and again after their end.
+        await self._show(operators.opened(self._hands, 0)[0])
         await self._page.run("session.link.send({do: 'measure'})")
         await self._page.until(f"{self._new} ? 1 : 0")
         await self._page.until(f"{self._known} ? 1 : 0", 120)
@@ -91,24 +91,22 @@ class Headset:
         """Demonstrate a take; what the session told."""
         page, take = self._page, self._hands.takes[number]
         # Megabytes, which a page reads before the take: meanwhile it sends nothing.
-        await page.run(f"(window.moving = {self._capture(take.first, take.last, self._speed)}, 0)")
+        moving = json.dumps(headsets.capture(self._hands, take.first, take.last, self._speed))
+        await page.run(f"(window.moving = {moving}, 0)")
         # The take begins from its first posture: on the way to it, a step that is no jump yet would move the palm, too.
-        await self._show(json.dumps(headsets.still(self._hands, take.first)))
+        await self._show(take.first)
         await page.until(f"{self._known} ? 1 : 0")
         await page.run("session.link.send({do: 'start'})")
         await page.until("['waiting', 'taking'].includes(session.facts.phase) ? 1 : 0")
-        await page.run(f"({headsets.PLAY})(window.moving)")
+        await page.run(f"({headsets.PLAY_PACED})(window.moving, {self._speed})")
         await page.until("player.playing && session.facts.phase !== 'ready' ? 0 : 1", 240)
         await page.run("session.link.send({do: 'finish'})")
         await page.until("session.facts.phase === 'ready' ? 1 : 0")
         return str(await page.run("session.facts.told"))
 
-    async def _show(self, capture: str) -> None:
-        """Play it until the session has got some of its messages; what is sent now comes after them."""
-        await self._page.run(f"({headsets.PLAY})({capture})")
+    async def _show(self, row: int) -> None:
+        """Hold the hands as in a message, until the session has got some; what is sent now comes after them."""
+        still = json.dumps(headsets.still(self._hands, row))
+        await self._page.run(f"({headsets.PLAY})({still})")
         number = await self._page.run("session.link.number")
         await self._page.until(f"session.link.number > {number + 2} ? 1 : 0")
-
-    def _capture(self, first: int, last: int, speed: float) -> str:
-        """Messages of the recording as the headset plays them."""
-        return json.dumps(headsets.capture(self._hands, first, last, speed))

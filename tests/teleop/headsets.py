@@ -30,6 +30,23 @@ PLAY = """
   window.player.play();
 }
 """
+STEP_MS, LEAD_MS = 25, 50
+"""Most simulated time that hands go on by from one picture of the page to the next, and beyond the one it shows."""
+PLAY_PACED = f"""
+(capture, speed) => {{
+  ({PLAY})(capture);
+  const own = window.player, play = own.playFrame.bind(own), begun = session.facts.seconds;
+  let last = performance.now();
+  own.playFrame = () => {{
+    const now = performance.now(), shown = 1000 * (session.facts.seconds - begun);
+    const most = Math.min({STEP_MS}, shown + {LEAD_MS} - own.currentTime * speed) / speed;
+    own.playbackRate = Math.min(1, Math.max(1e-6, most / Math.max(1, now - last)));
+    last = now;
+    play();
+  }};
+}}
+"""
+"""Like an operator who watches the page: on a machine that comes to a halt for a moment, the hands do not jump."""
 RADIUS_M = 0.008
 
 
@@ -76,7 +93,7 @@ def capture(stream: HandStream, first: int, last: int, speed: float = 1.0) -> di
     return {"schema": schema, "frames": rows}
 
 
-def still(stream: HandStream, row: int, seconds: float = 60.0) -> dict[str, Any]:
+def still(stream: HandStream, row: int, seconds: float = 600.0) -> dict[str, Any]:
     """One message of such a stream, held."""
     found = capture(stream, row, row + 1)
     (frame,) = found["frames"]

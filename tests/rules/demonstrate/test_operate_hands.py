@@ -131,7 +131,9 @@ def test_the_palm_follows_hands_made_from_a_script_and_the_same_each_time(
     off = np.linalg.norm(replayed.hand[:count, 0, :3] - shown.hand[:count, 0, :3], axis=1)
     way = np.linalg.norm(shown.hand[:count, 0, :3] - shown.hand[0, 0, :3], axis=1).max()
     assert way > 0.1
-    assert off.max() < 0.015
+    # Half a message of its motion; both take the same point of the hand for the palm.
+    assert off.max() < 0.008
+    assert np.median(off) < 0.002
     assert list(made.items) == ["00000"], replayed.reason
     # Half the motion of the arm from the same recording.
     smaller = followed(runner, bundle, hands, hands={"arm_scale": 0.5})
