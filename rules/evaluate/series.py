@@ -18,7 +18,7 @@ JUDGED = ("primitive", "object", "goal", "limbs", "hold_s", "timeout_s", "contro
 class SeriesOptions(Options):
     """Names of robots in tables."""
 
-    robots: dict[str, str] = Field(default_factory=lambda: {"kuka_leap": "KL", "openarm_revo": "OB"})
+    robots: dict[str, str] = Field(default_factory=lambda: {"kuka_leap": "KL", "openarm_revo1": "OB"})
     """Name of a robot's model -> name in tables; the paper has KL and OB."""
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from dextera_build.recipe import strict_yaml
 from rules.evaluate import published
+from rules.evaluate.series import SeriesOptions
 
 ROOT = Path(__file__).parents[2]
 TASKS = sorted(path for arm in ("ob", "kl") for path in (ROOT / "recipes" / "task" / arm).glob("*.yaml"))
@@ -61,6 +62,12 @@ def test_every_pair_of_the_paper_has_a_data_set_of_both_worlds() -> None:
     assert [len(pairs) * nodes["shards"]["episodes"] for nodes in shared] == [3900, 390]
     assert shared[0]["sources"]["episodes"] == 10
     assert len(pairs) * shared[1]["replay"]["trials"] == sum(rate.trials for rate in published.REPLAY.values())
+
+
+def test_tables_have_the_papers_names_of_its_robots() -> None:
+    robots = {read(path)["inputs"]["robot"].removeprefix("robot/") for path in TASKS}
+    assert set(SeriesOptions().robots) == robots
+    assert {robot for robot, _ in published.REPLAY} == set(SeriesOptions().robots.values())
 
 
 def evaluated(nodes: dict) -> list[str]:
