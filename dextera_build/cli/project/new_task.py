@@ -57,5 +57,7 @@ def run(args: argparse.Namespace) -> int:
         print(f"  {task.proposal.name}: {task.primitive} `{task.object}`")
     built = f"dxb build task/{out.stem}"
     print(f"  keep the tasks that you want, check every marked guess, then: {built}", file=sys.stderr)
-    print("  a recipe that `extends: task/line` makes demonstrations and policies of one: docs/tasks.md", file=sys.stderr)
+    print(
+        "  a recipe that `extends: task/line` makes demonstrations and policies of one: docs/tasks.md", file=sys.stderr
+    )
     return 0
