@@ -44,7 +44,7 @@ class McapOptions(form.FormOptions):
     """Key frame interval of H.264; a reader decodes at most this many frames to get one."""
     shapes: Literal["each", "beside"] = "each"
     """Where the robot's description and the shapes of the scene are: in each recording, or once, in `scene.mcap`, which
-    Foxglove opens together with a recording. A recording whose start scales objects keeps shapes of its own."""
+    Foxglove opens together with a recording. A recording whose start scales objects has the shapes of these itself."""
     compression: Literal["zstd", "none"] = "zstd"
     """Compression of the file's chunks."""
 

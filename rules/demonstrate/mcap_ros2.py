@@ -125,8 +125,10 @@ class EpisodeRecording:
         joints = dict(zip(self._episodes.joint_names, episode.joints.T.astype(np.float64), strict=True))
         joints |= dict(zip(self._episodes.displacement_names, episode.displacement.T.astype(np.float64), strict=True))
         self._moving = self._shapes.moving(joints, sizes)
-        if self._options.shapes == "each" or sizes:
+        if self._options.shapes == "each":
             self._shapes.send(self._out, 0, sizes)
+        elif sizes:
+            self._shapes.send_objects(self._out, 0, sizes, sizes)
         # In one message: late subscribers get only the last one.
         self._out.send("/tf_static", "tf2_msgs/TFMessage", 0, messages.transforms(0, edges), LATCHED)
 

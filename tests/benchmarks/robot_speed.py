@@ -16,7 +16,6 @@ import numpy as np
 from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.artifacts.tasks.task import TaskBundle
-from dextera_build.cli import built
 from dextera_build.deploying.ahead import Ahead
 from dextera_build.deploying.cell import GUARDED, Safety
 from dextera_build.policy.cell import Guard
@@ -25,13 +24,15 @@ from dextera_build.policy.running import Policy
 from dextera_build.project.project import find
 from dextera_build.running import called
 from dextera_build.session import Session
-from dextera_build.sim.runtime import policies
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.rollout import closed_loop
 from dextera_build.statistics import wilson
 from tests.deploying.robots import Rig
 from tests.deploying.test_ahead import Slow
+from tests.policy import policies
 
+NEWEST = -5.0
+"""Decay of weights at which answers but the newest have none."""
 Trial = Callable[[int], bool]
 """Whether the policy succeeds from the start of a seed, by the true state."""
 
@@ -70,7 +71,9 @@ def rollout(bundle: TaskBundle, policy: Policy, safety: Safety | None) -> Trial:
     return trial
 
 
-def run(bundle: TaskBundle, policy: Policy, safety: Safety, answer_s: float | None = None) -> Trial:
+def run(
+    bundle: TaskBundle, policy: Policy, safety: Safety, answer_s: float | None = None, forget: float | None = None
+) -> Trial:
     """As `dxb run` does on a simulated robot; with `answer_s`, asynchronously, and every answer takes as long [s]."""
     needed = tuple(channel.name for channel in policy.contract.inputs)
 
@@ -86,11 +89,12 @@ def run(bundle: TaskBundle, policy: Policy, safety: Safety, answer_s: float | No
                 every=int(settings.get("every", 1)),
                 answer_s=safety.answer_s,
                 now=lambda: rig.time,
-                forget=float(settings.get("forget", 0.0)),
+                forget=float(settings.get("forget", 0.0)) if forget is None else forget,
                 worker=Slow(rig, [answer_s]),
             )
         rig.sleep(3.0)  # as long as the checks before a run listen
         rig.drive(acting, bundle.task.timeout_s)
+        rig.sleep(1.0)  # the run ends as soon as measurements show success, the true state may follow
         return rig.robot.success
 
     return trial
@@ -111,14 +115,14 @@ def main() -> None:
     parser.add_argument("--trials", type=int, default=10)
     args = parser.parse_args()
     project = find(args.project)
-    (recipe, node), (learned, checkpoint_node) = (each.split(":") for each in (args.task, args.policy))
     with called.shown(project.library):
-        bundle = Session(project, recipe, last=True).artifact(node)
-        session = Session(project, learned, last=True)
-        checkpoint = session.artifact(checkpoint_node)
+        bundle, checkpoint = (
+            Session(project, recipe, last=True).artifact(node)
+            for recipe, _, node in (each.partition(":") for each in (args.task, args.policy))
+        )
         assert isinstance(bundle, TaskBundle)
         assert isinstance(checkpoint, Checkpoint)
-        policy = policies.load(built.runner(session, checkpoint_node, checkpoint), checkpoint, bundle, None)
+        policy = policies.load(checkpoint, bundle)
         half, full = speeds(0.5, 1.5), speeds(1.0, 0.0)
         trials = {
             "`evaluate.rollouts`": rollout(bundle, policy, None),
@@ -127,6 +131,7 @@ def main() -> None:
             "`dxb run --speed 1 --ramp 0`": run(bundle, policy, full),
             "`dxb run --asynchronous`, answers in 20 ms": run(bundle, policy, half, 0.02),
             "`dxb run --asynchronous`, answers in 100 ms": run(bundle, policy, half, 0.1),
+            "the same with the newest answer alone": run(bundle, policy, half, 0.1, NEWEST),
         }
         print("| way | success | starts |\n|---|---|---|")
         for name, trial in trials.items():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 from xml.etree.ElementTree import SubElement
 
@@ -89,23 +89,26 @@ class Shapes:
         text = self.urdf.files[urdf.MAIN].decode().replace('filename="meshes/', f'filename="{PACKAGE}meshes/')
         recording.send("/robot_description", "std_msgs/String", time, messages.text(text), LATCHED)
         recording.attach_files(self.urdf.files)
-        shapes = {"/scene/objects": self._objects(sizes), "/scene/static": self._static()}
+        shapes = {"/scene/static": self._static()}
         if len(self.urdf.files) > 1:  # viewers may not find meshes
             shapes["/robot/visual"] = self._surfaces(self._arm, ROBOT, 1.0)
         for topic, found in shapes.items():
             message = markers.marker_array(time, found)
             recording.send(topic, "visualization_msgs/MarkerArray", time, message, LATCHED)
-        for root, tree in self._things.items():
-            boxes = messages.text(self._boxes(root, tree.sized(sizes.get(root, 1.0)), sizes.get(root, 1.0)))
-            recording.send(f"/scene/{root}/robot_description", "std_msgs/String", time, boxes, LATCHED)
+        self.send_objects(recording, time, self._things, sizes)
+
+    def send_objects(self, recording: Recording, time: int, names: Collection[str], sizes: Mapping[str, float]) -> None:
+        """Write the shapes of some objects; see `send`."""
+        trees = {name: self._things[name].sized(sizes.get(name, 1.0)) for name in names}
+        found = [marker for name in trees for marker in self._surfaces(self._things[name], "", sizes.get(name, 1.0))]
+        message = markers.marker_array(time, found)
+        recording.send("/scene/objects", "visualization_msgs/MarkerArray", time, message, LATCHED)
+        for name, tree in trees.items():
+            boxes = messages.text(self._boxes(name, tree, sizes.get(name, 1.0)))
+            recording.send(f"/scene/{name}/robot_description", "std_msgs/String", time, boxes, LATCHED)
 
     def _sized(self, sizes: Mapping[str, float]) -> list[links.Tree]:
         return [tree.sized(sizes.get(root, 1.0)) for root, tree in self._things.items()]
-
-    def _objects(self, sizes: Mapping[str, float]) -> list[Marker]:
-        return [
-            marker for root, tree in self._things.items() for marker in self._surfaces(tree, "", sizes.get(root, 1.0))
-        ]
 
     def _surfaces(self, tree: links.Tree, prefix: str, scale: float) -> list[Marker]:
         return [

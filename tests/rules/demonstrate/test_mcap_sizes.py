@@ -11,7 +11,7 @@ import pytest
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.testing import RuleRunner
 from tests import episodes
-from tests.rules.demonstrate.test_mcap import STEPS, read
+from tests.rules.demonstrate.test_mcap import BOXES, STEPS, read
 
 
 @pytest.fixture(scope="module")
@@ -59,12 +59,16 @@ def test_shapes_can_be_in_one_file_beside_the_recordings(made: Episodes, tmp_pat
     mixed = made.model_copy(update={"items": {"0": first, "1": scaled}})
     whole = runner.run("demonstrate.mcap", bundle=episodes.bundle(), episodes=made)
     beside = runner.run("demonstrate.mcap", bundle=episodes.bundle(), episodes=mixed, options={"shapes": "beside"})
-    shapes = {"/robot_description", "/scene/objects", "/scene/static"}
+    shapes = {"/robot_description", "/scene/objects", "/scene/static", *BOXES}
     each = read(whole.files["episode-000000.mcap"])
     scene = read(beside.files["scene.mcap"])
     assert set(scene) == shapes
     assert [repr(scene[topic]) for topic in sorted(shapes)] == [repr(each[topic]) for topic in sorted(shapes)]
     assert not shapes & set(read(beside.files["episode-000000.mcap"]))
     own = read(beside.files["episode-000001.mcap"])
-    assert shapes <= set(own)
-    assert repr(own["/scene/objects"]) != repr(scene["/scene/objects"]), "a start with other sizes has its own shapes"
+    assert shapes & set(own) == {"/scene/objects", "/scene/box/robot_description"}
+    ((_, objects),), ((_, all_objects),) = own["/scene/objects"], scene["/scene/objects"]
+    (box,) = objects.markers
+    (same,) = (each for each in all_objects.markers if each.header.frame_id == "box")
+    corners = [np.array([(at.x, at.y, at.z) for at in marker.points]) for marker in (box, same)]
+    np.testing.assert_allclose(corners[0], 1.2 * corners[1], rtol=1e-6)  # a start with other sizes has its own shapes
