@@ -51,9 +51,6 @@ class ImitationOptions(Options):
     bf16: bool = False
     """Whether products in training are of bfloat16, which needs less time and memory on a GPU; weights, their average
     and the optimiser stay float32."""
-    compile: bool = False
-    """Whether torch compiles the network for training (`torch.compile`), which takes a minute before the first step and
-    needs a C++ compiler, on a GPU Triton, too."""
     snapshot_every: int = Field(0, ge=0)
     """Steps between the snapshots of the weights that the checkpoint holds, for `evaluate.early`; 0: none."""
     held_out: float = Field(0.1, ge=0.0, lt=1.0)

@@ -78,8 +78,6 @@ class Training:
     def __init__(self, ctx: Context, data: Demonstrations, options: ImitationOptions, learner: Learner) -> None:
         self._ctx, self._data, self._options, self._learner = ctx, data, options, learner
         self._network = learner.network.to(ctx.device)
-        if options.compile:
-            self._network.compile()
         self._optimiser = torch.optim.AdamW(
             self._network.parameters(), lr=options.rate, betas=learner.betas, weight_decay=options.decay, fused=True
         )

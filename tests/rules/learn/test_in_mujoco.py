@@ -68,7 +68,7 @@ def test_a_policy_on_depth_or_points_does_what_was_filmed(tmp_path: Path, shown:
     runner = RuleRunner(tmp_path, made_by={"checkpoint": "learn.act"})
     seen = {"bundle": BUNDLE, "view": gate.view()}
     film = runner.run("demonstrate.film", episodes=shown, options={"depth": True}, **seen)
-    more = {"steps": 300, "batch": 32, "warm_up": 50, "held_out": 0.0, "width": 32, "heads": 2, "chunk": 10}
+    more = {"steps": 400, "batch": 32, "warm_up": 50, "held_out": 0.0, "width": 32, "heads": 2, "chunk": 10}
     options = {**more, "inputs": ("joints", name)}
     made = runner.run("learn.act", backend="torch", bundle=BUNDLE, episodes=shown, film=film, options=options)
     found = runner.run("evaluate.rollouts", checkpoint=made, options={"trials": 10}, **seen)
