@@ -74,6 +74,8 @@ def split(photograph: Photograph, depth: np.ndarray, support: Support, hole: np.
     alike = _wide(outside & _joined(photograph.rgb.pixels, level & around, far & ~elsewhere & ~hole))
     points = np.concatenate([outline, floor[alike][:: max(1, int(alike.sum()) // 20_000)]])
     beyond = hole & far & (_nearer(alike, outside & ~alike) | regions.inside_convex(floor, _outline(points)))
+    # Where another surface was measured nearby, the support is seen to end.
+    beyond &= _nearer(level, _wide(elsewhere))
     return Layers(hole, plane, floor, level, elsewhere, behind, np.asarray(beyond))
 
 

@@ -22,8 +22,6 @@ from dextera_build.rule import Context, Options
 from rules.background import static_planes, static_stub
 from rules.background.boxes import support_box
 from rules.background.layers import apart, split
-from rules.background.patch import SUPPORT
-from rules.background.patches import divide
 from rules.background.static import StaticOptions, static
 from rules.background.surface import plane_depth
 from tests import factories
@@ -151,21 +149,6 @@ def test_the_table_goes_on_behind_a_thing_farther_than_depth_was_measured(tmp_pa
     np.testing.assert_allclose(made.depth.depth[mask], empty.measured.depth.depth[mask], atol=1e-3)
     # The collision box ends where the table was seen to.
     assert made.boxes[0].centre[1] + made.boxes[0].half_size[1] < 0.45
-
-
-def test_a_floor_goes_on_behind_what_was_removed_from_a_wide_gap() -> None:
-    depth = np.full((120, 320), 2.0, np.float32)
-    support = np.zeros((120, 320), bool)
-    support[90:] = True
-    taken = np.zeros_like(support)
-    taken[:60, 100:220] = True
-    depth[:90, 90:230] = 0.0
-    k = LENS.matrix()
-    plane = (np.array([0.0, -0.9, -0.4358899]), 0.8)
-    grey = np.full((120, 320, 3), 120, np.uint8)
-    labels, patches = divide(grey, depth, k, support, plane, taken, np.zeros_like(taken), 0.03)
-    flat = [patch.number for patch in patches if patch.plane is not None and patch.number != SUPPORT]
-    assert np.isin(labels[taken], flat).all()
 
 
 def test_the_surface_lies_exactly_on_the_support_and_faces_up(
