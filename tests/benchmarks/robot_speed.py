@@ -26,6 +26,7 @@ from dextera_build.running import called
 from dextera_build.session import Session
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.rollout import closed_loop
+from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.statistics import wilson
 from tests.deploying.robots import Rig
 from tests.deploying.test_ahead import Slow
@@ -113,7 +114,11 @@ def main() -> None:
     parser.add_argument("task")
     parser.add_argument("policy")
     parser.add_argument("--trials", type=int, default=10)
+    parser.add_argument(
+        "--of-trials", action="store_true", help="the starts of evaluate.rollouts, not those of dxb robot"
+    )
     args = parser.parse_args()
+    seeds = [seed_of("trial", 0, number) if args.of_trials else number for number in range(args.trials)]
     project = find(args.project)
     with called.shown(project.library):
         bundle, checkpoint = (
@@ -130,12 +135,12 @@ def main() -> None:
             "`dxb run`": run(bundle, policy, half),
             "`dxb run --speed 1 --ramp 0`": run(bundle, policy, full),
             "`dxb run --asynchronous`, answers in 20 ms": run(bundle, policy, half, 0.02),
+            "the same with the newest answer alone": run(bundle, policy, half, 0.02, NEWEST),
             "`dxb run --asynchronous`, answers in 100 ms": run(bundle, policy, half, 0.1),
-            "the same with the newest answer alone": run(bundle, policy, half, 0.1, NEWEST),
         }
         print("| way | success | starts |\n|---|---|---|")
         for name, trial in trials.items():
-            won = [trial(seed) for seed in range(args.trials)]
+            won = [trial(seed) for seed in seeds]
             low, high = wilson(sum(won), len(won))
             marks = "".join("x" if each else "." for each in won)
             print(
