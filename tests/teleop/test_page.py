@@ -60,7 +60,8 @@ def test_a_page_beside_another_operator_says_so_and_waits(lifting: TaskBundle, t
     async def use(page: Page, session: Session) -> None:
         await page.run(NO_PICTURES)
         address = (await page.run("location.href")).replace("http", "ws", 1) + "socket"
-        await page.run("(session.link.connect = () => {}, session.link.socket.close())")
+        await page.run("(session.link.connect = () => { window.left = true; }, session.link.socket.close())")
+        await page.until("window.left ? 1 : 0")
         while session.connected:
             await asyncio.sleep(0.1)
         async with connect(address, compression=None):
