@@ -31,10 +31,8 @@ export class Link {
     socket.onclose = (event) => {
       if (this.ended) return;
       const words = event.reason || "the connection was lost";
-      // Another operator may stay for long.
-      const busy = event.code === 4001;
-      this.onWord(words + (busy ? "; this page waits" : "; connecting again"), true);
-      setTimeout(() => this.connect(), busy ? 3000 : 1000);
+      this.onWord(words + (event.code === 4001 ? "" : "; connecting again"), true);
+      if (event.code !== 4001) setTimeout(() => this.connect(), 1000);
     };
     this.socket = socket;
   }
