@@ -61,7 +61,7 @@ def test_why_names_the_value_in_the_list(built):
     built.edit("recipes/say/sweep.yaml", "nodes:\n  start", "nodes:\n  more: {rule: toy.start}\n  start")
     built.edit("recipes/say/sweep.yaml", "times: $matrix.times}", "times: $matrix.times, salt: x}")
     answer = built.dxb("why", "say/sweep:sweep[times=2].loud")
-    assert "  salt\tsalt\t -> x\t" in answer.out
+    assert '  salt\tsalt\t"" -> x\t' in answer.out
     built.edit("recipes/say/sweep.yaml", "times: $matrix.times, salt: x", "times: 9")
     answer = built.dxb("why", "say/sweep:all")
     assert "waits for\tsweep[times=1].louder and 1 more copy" in answer.out

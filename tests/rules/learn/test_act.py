@@ -248,11 +248,11 @@ def test_bad_input_is_one_clear_error(
         (("joints", "joints"), "`inputs` must name one channel or more, each once"),
         (
             ("joints", "contact"),
-            "`contact` is privileged: only a simulator measures it; `inputs` may name displacement",
+            "`contact` is privileged: only a simulator measures it; `inputs` may name cloud, depth, displacement",
         ),
         (
             ("joints", "object"),
-            "`object` is no channel that this policy can take; `inputs` may name displacement, goal",
+            "`object` is no channel that this policy can take; `inputs` may name cloud, depth, displacement, goal",
         ),
     ],
 )
@@ -267,7 +267,7 @@ def test_inputs_that_no_robot_measures_are_refused_before_anything_is_built(
 def test_a_film_must_belong_to_the_episodes(tmp_path: Path) -> None:
     data = episodes.small(4)
     film = filmed(data)
-    with pytest.raises(RuleError, match="a film is given, but `rgb` is not among the inputs"):
+    with pytest.raises(RuleError, match="a film is given, but none of cloud, depth, rgb is among the inputs"):
         learn(tmp_path, data, film=film)
     part = film.model_copy(update={"frames": {"0": film.frames["0"]}})
     with pytest.raises(RuleError, match="the film lacks 3 of 4 episodes"):

@@ -46,10 +46,10 @@ def test_a_dozen_pixels_are_enough(tmp_path, count):
 def test_a_family_that_fails_is_left_out(tmp_path, monkeypatch):
     whole = mesh_primitives.propose
 
-    def propose(view, allowed, wall_m):
+    def propose(view, allowed, *more):
         if "cylinder" in allowed:
             raise np.linalg.LinAlgError("singular")
-        return whole(view, allowed, wall_m)
+        return whole(view, allowed, *more)
 
     monkeypatch.setattr(mesh_primitives, "propose", propose)
     seen = evidence.gather(object_views.seen(synthetic.view(BOX, synthetic.Eye())))
