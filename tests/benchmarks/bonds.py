@@ -20,8 +20,8 @@ from dextera_build.artifacts.cameras.image import Image
 from dextera_build.artifacts.robots.noise import DepthNoise
 from dextera_build.sim.render.sensor import measure_depth
 from rules.factorize.measured import Workspace, without_dropout
-from rules.factorize.regions import affinities, heights, patches, proposals
-from rules.factorize.regions.bonds import NAMES, USUAL
+from rules.factorize.regions import heights, patches, proposals
+from rules.factorize.regions.bonds import NAMES, USUAL, Bonds
 from rules.factorize.regions.partition import FEWEST, Grouping
 from tests.benchmarks import catalogue, quick_scenes
 
@@ -60,26 +60,13 @@ def samples(seed: int) -> list[np.ndarray]:
 
 def pairs(seen: Workspace, labels: np.ndarray, rng: np.random.Generator) -> Iterator[np.ndarray]:
     """Rows of one picture with true labels (H, W)."""
-    for parts, a, b, same in touching(seen, labels, rng):
-        values = parts.bonds.features(parts.groups[a], parts.groups[b], parts.contacts[a, b])
-        yield np.append(values, float(same))
-
-
-def touching(
-    seen: Workspace, labels: np.ndarray, rng: np.random.Generator, *, asked: bool = False
-) -> Iterator[tuple[Grouping, int, int, bool]]:
-    """Groups of one picture with true labels (H, W), two that touch, and whether they are of one object.
-
-    With `asked`, their contacts hold what the network of `affinities` says.
-    """
     from scipy import ndimage
 
     relief = heights.relief(seen)
     raised = ndimage.binary_opening(relief.raised & relief.over, np.ones((3, 3), bool))
     if seen.turns or not raised.any():
         return
-    lab = proposals.colour_lab(seen.pixels)
-    crop = patches.surfaces(relief, raised, seen, lab, affinities.ask(seen, relief, lab) if asked else None)
+    crop = patches.surfaces(relief, raised, seen, proposals.colour_lab(seen.pixels))
     found = patches.patches(crop)
     true = _true(crop, found.shape, labels)
     owners = {number: _owner(true[found == number]) for number in range(1, int(found.max()) + 1)}
@@ -126,17 +113,16 @@ def _owner(true: np.ndarray) -> int | None:
     return int(values[best]) if counts[best] >= PURE * counts.sum() else None
 
 
-def _grown(
-    parts: Grouping, owners: dict[int, int | None], rng: np.random.Generator
-) -> Iterator[tuple[Grouping, int, int, bool]]:
-    """Pairs of the patches, then of groups after each of a few rounds of right joins."""
+def _grown(parts: Grouping, owners: dict[int, int | None], rng: np.random.Generator) -> Iterator[np.ndarray]:
+    """Samples of the patches, then of groups after each of a few rounds of right joins."""
+    bonds = Bonds(parts.surfaces)
     for _ in range(4):
         right = []
         for (a, b), contact in parts.contacts.items():
             one, other = owners.get(a), owners.get(b)
             if one is None or other is None or one == other == 0 or contact.pairs < FEWEST:
                 continue
-            yield parts, a, b, one == other
+            yield np.append(bonds.features(parts.groups[a], parts.groups[b], contact), float(one == other))
             if one == other:
                 right.append((a, b))
         rng.shuffle(right)

@@ -5,7 +5,6 @@ Things of `household` stand or lie, apart or touching, on one another and in ves
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,16 +41,12 @@ class _Placed:
     level: float | None  # height of a top on which something can stand
 
 
-def scene(
-    rng: np.random.Generator,
-    half: np.ndarray,
-    draw: Callable[[np.random.Generator], household.Piece] = household.draw,
-) -> list[tuple[Mesh, ...]]:
-    """The parts of every thing on the table z = 0 of half the size `half` (2,) [m], each as `draw` returns it."""
+def scene(rng: np.random.Generator, half: np.ndarray) -> list[tuple[Mesh, ...]]:
+    """The parts of every thing on the table z = 0 of half the size `half` (2,) [m]."""
     placed: list[_Placed] = []
     gap = GAP_M if rng.uniform() < 0.6 else 0.02
     for _ in range(int(rng.integers(3, 10))):
-        thing = draw(rng)
+        thing = household.draw(rng)
         kind = rng.uniform()
         below = [other for other in placed if other.level is not None]
         if kind < 0.2 and below:

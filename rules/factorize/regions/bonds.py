@@ -1,7 +1,4 @@
-"""Probability that two groups of patches are one object, by two networks trained on drawn rooms.
-
-The first one knows features of both groups and of their border. What the second one says of single pixels, see
-`affinities`, is added to its log odds.
+"""Probability that two groups of patches are one object, by a small network trained on drawn rooms.
 
 `python -m tests.benchmarks.bonds` draws the rooms, trains the network, and writes `bond_weights.py`. Bonds join groups
 that the rules of `grouping` left separate, and doubt what those rules would join. Across a depth step or a sharp crease
@@ -29,12 +26,6 @@ USUAL = 4.0
 """Number of standard deviations from the mean at which features are clipped."""
 MARGIN_M = 0.003
 """Points this far outside an outline count as inside [m]."""
-OWN, SAID, SHIFT = 0.587, np.array([-0.212, 0.687, 0.179, 0.293]), 0.257
-"""Weights of the first network's log odds and of the mean ones of the second at each of its reaches, and a constant.
-`python -m tests.benchmarks.affinities.together` fits them by logistic regression, on pictures that neither network
-learned from."""
-FEW = 5.0
-"""Number of pixels at which half of what the second network says counts."""
 NAMES = (
     *("border", "pairs", "meeting", "convexity", "turn", "area", "larger_area", "lightness", "hue", "likeness"),
     *("bend", "larger_bend", "flatness", "larger_flatness", "top", "low", "own_low", "larger_low", "on_top"),
@@ -76,14 +67,7 @@ class Bonds:
         return contact.meeting > LEAST_MEETING * contact.pairs and turn > SHARPEST_RAD
 
     def score(self, one: Group, other: Group, contact: Contact) -> float:
-        """Log odds that two groups are one object, by both networks; by the first one if the second says nothing."""
-        own = self.alone(one, other, contact)
-        if not contact.said.any():
-            return own
-        return float(OWN * own + SAID @ means(contact.said) + SHIFT)
-
-    def alone(self, one: Group, other: Group, contact: Contact) -> float:
-        """The log odds by the first network."""
+        """Log odds that two groups are one object."""
         values = (self.features(one, other, contact) - bond_weights.MEAN) / bond_weights.SCALE
         values = np.clip(values, -USUAL, USUAL)
         hidden = np.tanh(values @ bond_weights.FIRST + bond_weights.FIRST_BIAS)
@@ -130,12 +114,6 @@ class Bonds:
         if known is None or known[0] is not group:
             known = self._looks[id(group)] = (group, _look(self._surfaces, group))
         return known[1]
-
-
-def means(said: np.ndarray) -> np.ndarray:
-    """Mean log odds by the second network at each of its reaches, from (2, reaches); towards 0 if they are few."""
-    sums, counts = said
-    return np.asarray(sums / np.maximum(counts, 1.0) * counts / (counts + FEW))
 
 
 def _of_border(small: Group, contact: Contact) -> tuple[float, ...]:

@@ -8,8 +8,6 @@ classifies them as two objects with high confidence. Groups whose whole parts it
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from . import relations
@@ -29,9 +27,6 @@ BONDED_APART = 1.0
 """The same across a sharp crease or a depth step, if one part is minor or both have the same colours."""
 BONDED_EQUALS = 1.5
 """The same for parts of similar size, where a wrong join loses both objects."""
-LIKELY = -1.4
-"""Log odds above which two complete groups are one object, however they meet. A join of two objects counted three times
-when the odds were learned, so that at -1.1 both are equally likely; chosen on meshes that nothing was learned from."""
 MINOR = 0.3
 """A part with less than this fraction of the other's surface is minor."""
 DOUBTED_CONVEX = -1.5
@@ -62,7 +57,6 @@ def group(s: Surfaces, labels: np.ndarray) -> Grouping:
     join_hinged(parts)
     divide_doubted(parts)
     join_bonded(parts)
-    join_bonded(parts, _likely)
     return parts
 
 
@@ -144,14 +138,13 @@ def join_parts(parts: Grouping) -> None:
             parts.join(number, -max(options)[1])
 
 
-def join_bonded(parts: Grouping, score: Callable[[Grouping, int, int], float] | None = None) -> None:
-    """Join pairs with a score (default: `_bond`) above 0, the highest first, and score again."""
-    score = score or _bond
+def join_bonded(parts: Grouping) -> None:
+    """Join groups that the network classifies as one object, the likeliest pair first, and score again."""
     scores: dict[tuple[int, int], float] = {}
     while True:
         for (a, b), contact in parts.contacts.items():
             if (a, b) not in scores:
-                scores[a, b] = score(parts, a, b) if contact.pairs >= FEWEST else -np.inf
+                scores[a, b] = _bond(parts, a, b) if contact.pairs >= FEWEST else -np.inf
         best = max(scores, key=lambda pair: (scores[pair], pair), default=None)
         if best is None or scores[best] <= 0:
             return
@@ -170,11 +163,6 @@ def _bond(parts: Grouping, a: int, b: int) -> float:
     minor = min(one.area_m2, other.area_m2) < MINOR * max(one.area_m2, other.area_m2)
     least = BONDED_APART if minor or alike > relations.SAME_COLOUR else BONDED_EQUALS
     return parts.odds(a, b) - least if alike > ALIKE else -np.inf
-
-
-def _likely(parts: Grouping, a: int, b: int) -> float:
-    """Log odds above the limit for two complete groups of which the network of `affinities` says something."""
-    return parts.odds(a, b) - LIKELY if parts.contact(a, b).said.any() else -np.inf
 
 
 def join_occluded(parts: Grouping) -> None:

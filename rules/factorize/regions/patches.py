@@ -10,7 +10,6 @@ import numpy as np
 from dextera_build.geometry import cameras, normals, planes, transforms
 
 from ..measured import Workspace
-from . import affinities
 from .heights import Relief
 
 FOCAL_PX = 600.0
@@ -41,13 +40,6 @@ class Surfaces:
     pixel_m2: np.ndarray  # (h, w) area covered by a block, face on [m^2]
     lab: np.ndarray  # (h, w, 3) float32 CIE L*a*b*
     eye: np.ndarray  # (3,) the camera in the world [m]
-    answer: affinities.Answer | None = None  # of the network, for the whole photograph
-
-    def said(self, labels: np.ndarray) -> dict[tuple[int, int], np.ndarray]:
-        """What the network says of pairs of labels (h, w); see `affinities.between`."""
-        if self.answer is None:
-            return {}
-        return affinities.between(self.answer.odds, self.answer.sampled(labels, self.left, self.top, self.stride))
 
     def full(self, labels: np.ndarray, mask: np.ndarray) -> np.ndarray:
         """Expand block labels to the pixels of a full-size mask; pixels next to a block get its label."""
@@ -59,9 +51,7 @@ class Surfaces:
         return np.where(mask, spread(found, mask, self.stride + 1), 0)
 
 
-def surfaces(
-    relief: Relief, raised: np.ndarray, seen: Workspace, lab: np.ndarray, answer: affinities.Answer | None = None
-) -> Surfaces:
+def surfaces(relief: Relief, raised: np.ndarray, seen: Workspace, lab: np.ndarray) -> Surfaces:
     """Local planes and normals of the raised pixels, in their bounding crop with a margin of 8 blocks."""
     camera = seen.camera
     stride = max(1, round(camera.fx / FOCAL_PX))
@@ -102,7 +92,6 @@ def surfaces(
         pixel_m2=np.where(mask, np.square(mean), 0.0) / (k[0, 0] * k[1, 1]),
         lab=colour,
         eye=seen.world_from_camera[:3, 3],
-        answer=answer,
     )
 
 

@@ -10,7 +10,7 @@ from dextera_build.geometry.regions import box_of
 
 from ..measured import Workspace
 from ..overlap import Box
-from . import affinities, borders, grouping, heights, patches, relations, smears
+from . import borders, grouping, heights, patches, relations, smears
 from .partition import Grouping
 from .relations import Group
 from .standing import on_support, standing
@@ -79,12 +79,11 @@ def scenery(seen: Workspace) -> Scenery:
     if not raised.any():
         return Scenery(relief, (), relief.raised)
     lab = colour_lab(seen.pixels)
-    answer = affinities.ask(seen, relief, lab)
-    crop = patches.surfaces(relief, raised, seen, lab, answer)
+    crop = patches.surfaces(relief, raised, seen, lab)
     smeared = crop.full(smears.smeared(crop, crop.floor).astype(np.int32), raised) > 0
     if smeared.any() and (raised & ~smeared).any():
         raised = raised & ~smeared
-        crop = patches.surfaces(relief, raised, seen, lab, answer)
+        crop = patches.surfaces(relief, raised, seen, lab)
     parts = grouping.group(crop, patches.patches(crop))
     labels = crop.full(parts.labels, raised)
     things = {

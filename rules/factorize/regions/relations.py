@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from dextera_build.geometry import planes
 
-from . import affinities
 from .patches import NEIGHBOURS, SPAN, Surfaces, fold, step_limit
 
 CONCAVE_RAD = 0.17
@@ -57,7 +56,6 @@ class Contact:
     step: float = 0.0  # sum of the pairs' depth steps, each at most STEP_M [m]
     contrast: float = 0.0  # sum of the pairs' differences of colour, each at most CONTRAST_LAB [CIE Lab]
     outlined: int = 0  # pairs with a depth step and a difference of colour
-    said: np.ndarray = field(default_factory=affinities.nothing)  # what `affinities.between` returns
 
     def add(self, other: Contact) -> None:
         """Add the pixel pairs of another contact."""
@@ -68,7 +66,6 @@ class Contact:
         self.step += other.step
         self.contrast += other.contrast
         self.outlined += other.outlined
-        self.said = self.said + other.said
 
     @property
     def convexity(self) -> float:
@@ -77,7 +74,7 @@ class Contact:
 
 
 def contacts(s: Surfaces, labels: np.ndarray) -> dict[tuple[int, int], Contact]:
-    """Contact of each pair of labels (smaller, larger) that are at most two spans apart, or within a reach."""
+    """Contact of each pair of labels (smaller, larger) whose pixels are at most two spans apart."""
     found: dict[tuple[int, int], Contact] = {}
     for down, right in NEIGHBOURS:
         rows, columns, dv, du = _pairs(s, labels, 2 * SPAN * down, 2 * SPAN * right)
@@ -98,8 +95,6 @@ def contacts(s: Surfaces, labels: np.ndarray) -> dict[tuple[int, int], Contact]:
             contrast = float(np.minimum(colour[part], CONTRAST_LAB).sum())
             sums = int(meets[part].sum()), int(gentle.sum()), turn, apart, contrast, int(edge[part].sum())
             contact.add(Contact(len(part), *sums))
-    for pair, said in s.said(labels).items():
-        found.setdefault(pair, Contact()).said = said
     return found
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
 from pathlib import PurePosixPath
 from typing import Literal
 
@@ -82,15 +81,14 @@ def catalogue(ctx: Context, folder: Folder, *, options: CatalogueOptions) -> Col
                 folders=listing(sorted({known.split("/")[0] for known in folder.files})),
                 hint="`make meshes` fetches the files of the benchmark's catalogue",
             )
-        items[name] = thing(folder.files, entry, options.texture_px)
+        items[name] = _thing(folder, entry, options.texture_px)
     faces = sum(len(thing.surface.faces) for thing in items.values())
     ctx.say(f"{len(items)} things, {faces:,} faces")
     return Collection[Thing](items=items)
 
 
-def thing(files: Mapping[str, bytes], entry: EntryOptions, texture_px: int) -> Thing:
-    """One object [m] from the files that its entry names, see `catalogue`."""
-    meshes = [_mesh(files, part, np.array(UP[entry.up], np.float64), texture_px) for part in entry.parts]
+def _thing(folder: Folder, entry: EntryOptions, texture_px: int) -> Thing:
+    meshes = [_mesh(folder, part, np.array(UP[entry.up], np.float64), texture_px) for part in entry.parts]
     corners = np.concatenate([mesh.vertices for mesh in meshes])
     low, high = corners.min(axis=0), corners.max(axis=0)
     base = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
@@ -105,14 +103,14 @@ def thing(files: Mapping[str, bytes], entry: EntryOptions, texture_px: int) -> T
     )
 
 
-def _mesh(files: Mapping[str, bytes], part: PartOptions, turn: np.ndarray, texture_px: int) -> Mesh:
+def _mesh(folder: Folder, part: PartOptions, turn: np.ndarray, texture_px: int) -> Mesh:
     from dextera_build.sim.model import mesh_file
 
-    read = mesh_file.read(PurePosixPath(part.file).name, files[part.file])
+    read = mesh_file.read(PurePosixPath(part.file).name, folder.files[part.file])
     vertices = (part.scale * read.vertices @ turn.T).astype(np.float32)
     if part.texture is None or read.uv is None:
         return Mesh(vertices=vertices, faces=read.faces, colour=part.colour)
-    texture = Image(pixels=_picture(files[part.texture], texture_px))
+    texture = Image(pixels=_picture(folder.files[part.texture], texture_px))
     return Mesh(vertices=vertices, faces=read.faces, uv=read.uv, texture=texture)
 
 

@@ -67,7 +67,7 @@ def test_a_box_on_a_box_stays_two() -> None:
 
 
 def test_without_bonds_the_round_parts_are_two(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(grouping, "join_bonded", lambda *_: None)
+    monkeypatch.setattr(grouping, "join_bonded", lambda parts: None)
     found = proposals.scenery(workspace(tabletop(*snowman(), lens=FINE)))
     assert len(found.objects) == 2
 
