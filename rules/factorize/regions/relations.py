@@ -57,7 +57,7 @@ class Contact:
     step: float = 0.0  # sum of the pairs' depth steps, each at most STEP_M [m]
     contrast: float = 0.0  # sum of the pairs' differences of colour, each at most CONTRAST_LAB [CIE Lab]
     outlined: int = 0  # pairs with a depth step and a difference of colour
-    said: np.ndarray = field(default_factory=affinities.nothing)  # what `affinities.between` returns
+    said: np.ndarray = field(default_factory=affinities.nothing, compare=False)  # what `affinities.between` returns
 
     def add(self, other: Contact) -> None:
         """Add the pixel pairs of another contact."""
