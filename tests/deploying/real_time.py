@@ -17,6 +17,7 @@ from dextera_build.deploying.cell import RosCell
 from dextera_build.deploying.dds import Dds
 from dextera_build.deploying.faults import Fault
 from dextera_build.deploying.simulated import STATE_HZ, SimulatedRobot, Simulation
+from dextera_build.policy.observation import Frame
 from dextera_build.sim.runtime.environment import Environment
 from tests import task_bundles
 
@@ -52,7 +53,7 @@ def running(rate_hz: float, *faults: Fault) -> Iterator[tuple[Real, RosCell]]:
     ours, theirs = Dds(domain=DOMAIN), Dds(domain=DOMAIN)
     simulation = Simulation(loss=0.0, faults=faults)
     robot = SimulatedRobot(
-        theirs, topics, environment, simulation, lambda: noise.integers(0, 255, (24, 32, 3), np.uint8)
+        theirs, topics, environment, simulation, lambda: Frame(noise.integers(0, 255, (24, 32, 3), np.uint8))
     )
     real = Real(robot)
     thread = threading.Thread(target=real.run)
