@@ -122,6 +122,17 @@ def test_nothing_arrives_after_the_end(both: tuple[Transport, Transport]) -> Non
     assert not got.wait(0.2)
 
 
+def test_the_end_does_not_fail_if_nobody_acknowledges(monkeypatch: pytest.MonkeyPatch) -> None:
+    sender, _ = pair("dds")
+    sender.publish(JOINTS, messages.joint_state(1, ["a"], np.zeros(1)))
+    from cyclonedds.core import DDSException
+    from cyclonedds.pub import DataWriter
+
+    late = DDSException.DDS_RETCODE_TIMEOUT
+    monkeypatch.setattr(DataWriter, "_wait_for_acks", lambda *_: late)
+    sender.close()
+
+
 @pytest.mark.parametrize("kind", types.DEFINITIONS)
 def test_hashes_are_those_of_ros(kind: str) -> None:
     rosbags = pytest.importorskip("rosbags.typesys", reason="needs rosbags (extra `ros`)")
