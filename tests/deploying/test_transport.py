@@ -123,7 +123,8 @@ def test_nothing_arrives_after_the_end(both: tuple[Transport, Transport]) -> Non
 
 
 def test_the_end_does_not_fail_if_nobody_acknowledges(monkeypatch: pytest.MonkeyPatch) -> None:
-    sender, _ = pair("dds")
+    sender, receiver = pair("dds")
+    receiver.close()
     sender.publish(JOINTS, messages.joint_state(1, ["a"], np.zeros(1)))
     from cyclonedds.core import DDSException
     from cyclonedds.pub import DataWriter
