@@ -97,30 +97,19 @@ class Evidence(DepthView):
         own = planes.depth_sigma(self.depth[self.core])
         return np.concatenate([own, *(other.point_sigma for other in self.others)]) if self.others else own
 
-    def sparse(self, part: int) -> Evidence:
-        """With every `part`-th ray and place of the outline: fits that choose between families need no more."""
-        outline = self.silhouette
-        return replace(
-            self,
-            rays=self.rays[::part],
-            ray_depth=self.ray_depth[::part],
-            ray_sigma=self.ray_sigma[::part],
-            silhouette=Silhouette(outline.rays[::part], outline.inside[::part], outline.outside[::part]),
-        )
-
     @property
     def eye(self) -> np.ndarray:
         """The camera's position (3,) in the world [m]."""
         return np.asarray(self.world_from_camera[:3, 3])
 
-    @cached_property
+    @property
     def forward(self) -> np.ndarray:
         """Unit horizontal direction (2,) from the camera to the object."""
         towards = np.median(self.points[:, :2], axis=0) - self.eye[:2]
         length = float(np.linalg.norm(towards))
         return towards / length if length > 1e-9 else np.array([0.0, 1.0])
 
-    @cached_property
+    @property
     def height(self) -> float:
         """Height of the highest trusted points above the support, robust to outliers [m]."""
         return max(float(np.quantile(self.points[:, 2], 0.995)), 0.004)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -17,7 +16,7 @@ from .evidence import Evidence
 from .handle import with_handle
 from .hypotheses import Candidate, Finished
 from .paint import HALF_TURN, MIRROR
-from .refine import begun, descend, undetermined
+from .refine import descend, fit, undetermined
 from .scoring import Judgement, judge
 from .shaped import lifted, shaped
 
@@ -30,8 +29,6 @@ HOLLOW = ("revolved_hollow", "open_box", "tilted_revolved_hollow", "tilted_open_
 HOVERING, HIDDEN_M = 5.0, 0.03
 """Cost of the distance between a body and the surface under it [1/m], up to this distance [m]: what it stands on may be
 hidden, as wheels are in the shadow of a bus. A body farther up stands on another one."""
-PROMISE = 0.35
-"""Gain of score that the later steps of a fit may bring."""
 HALF_TURN_SYMMETRIC = ("box", "tilted_box", "lying_cylinder", "oval", "open_box", "superquadric")
 MIRROR_SYMMETRIC = ("mirrored", "lying")
 
@@ -47,41 +44,14 @@ class Fitted:
     """[m^3]"""
 
 
-def fitted_of(
-    candidate: Candidate,
-    evidence: Evidence,
-    steps: int,
-    tries: int = 2,
-    searched: Evidence | None = None,
-    rivals: Sequence[Fitted] = (),
-) -> Fitted:
-    """Fit a family from the best `tries` of its initial guesses, in at most `steps` steps.
-
-    Args:
-        candidate: The family.
-        evidence: The view, by which bodies are scored.
-        steps: Number of steps of the best guess; each of them takes the first third.
-        tries: Number of guesses.
-        searched: Evidence that is fitted; None: that of the view.
-        rivals: Fitted families; one that is far behind the two best of them after a third of the steps takes no more.
-    """
-    searched, first = searched or evidence, max(3, steps // 3)
-    found = _scored(candidate, evidence, begun(candidate.model, searched, first, tries).parameters)
-    if found.score < least_of(rivals) - PROMISE:
-        return found
-    return _scored(candidate, evidence, descend(candidate.model, searched, found.parameters, steps - first).parameters)
-
-
-def least_of(fitted: Sequence[Fitted]) -> float:
-    """Score of the second-best family: one behind it is neither the result nor its rival."""
-    return sorted(found.score for found in fitted)[-2] if len(fitted) > 1 else -np.inf
-
-
-def _scored(candidate: Candidate, evidence: Evidence, parameters: np.ndarray) -> Fitted:
-    body = candidate.model.build(parameters)
+def fitted_of(candidate: Candidate, evidence: Evidence, steps: int, tries: int = 2) -> Fitted:
+    """Fit a family from the best `tries` of its initial guesses, in at most `steps` steps."""
+    found = fit(candidate.model, evidence, steps, tries)
+    body = candidate.model.build(found.parameters)
     hovers = max(0.0, float(body.vertices[:, 2].min()))
     cost = HOVERING * hovers if hovers < HIDDEN_M else 0.0
-    return Fitted(candidate, parameters, judge(body, evidence, candidate.model.cost).score - cost, body.volume)
+    score = judge(body, evidence, candidate.model.cost).score - cost
+    return Fitted(candidate, found.parameters, score, body.volume)
 
 
 def _rival(best: Fitted, fitted: list[Fitted]) -> Rival | None:

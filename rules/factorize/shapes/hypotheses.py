@@ -54,8 +54,8 @@ class Candidate:
     """Makes the body without parameters that only help the fit; its single start is refined last."""
 
 
-def propose(evidence: Evidence, allowed: tuple[str, ...], wall_m: float, least: float = -np.inf) -> list[Candidate]:
-    """Candidates of the allowed families that are plausible for the view; slow ones only near the score `least`."""
+def propose(evidence: Evidence, allowed: tuple[str, ...], wall_m: float) -> list[Candidate]:
+    """Candidates of the allowed families that are plausible for the view."""
     makers: dict[str, Callable[[], Candidate | None]] = {
         "box": lambda: standing_box(box.box(evidence), box.standing),
         "tilted_box": lambda: _tilted(evidence),
@@ -69,7 +69,7 @@ def propose(evidence: Evidence, allowed: tuple[str, ...], wall_m: float, least: 
         "open_box": lambda: _open_box(evidence, wall_m),
         "superquadric": lambda: _superquadric(evidence),
         "lying": lambda: _lying_profile(evidence),
-        "mirrored": lambda: _mirrored(evidence, least),
+        "mirrored": lambda: _mirrored(evidence),
     }
     made = [makers[name]() for name in HYPOTHESES if name in allowed and name in makers]
     made += [one for name in TURNED if TURNED_PREFIX + name in allowed for one in _turned(name, evidence, wall_m)]
@@ -169,8 +169,8 @@ def _panels(evidence: Evidence) -> Candidate | None:
     return Candidate(model, finish)
 
 
-def _mirrored(evidence: Evidence, least: float) -> Candidate | None:
-    made = mirrored.mirrored(evidence, least)
+def _mirrored(evidence: Evidence) -> Candidate | None:
+    made = mirrored.mirrored(evidence)
     if made is None:
         return None
     front, model = made

@@ -15,7 +15,7 @@ from dextera_build.rule import Backend, Context, Options
 from ..measured import Measurements
 from . import evidence as evidence_of
 from .families.names import GENERAL, HYPOTHESES
-from .fitted import Fitted, best_of, fitted_of, least_of, shape_of
+from .fitted import Fitted, best_of, fitted_of, shape_of
 from .hypotheses import COSTS, propose
 from .scoring import BEST, judge
 from .shaped import lifted
@@ -30,8 +30,6 @@ BACKEND = Backend(
     packages=("manifold3d", "open3d", "opencv-python-headless", "scipy"),
     extra="twin",
 )
-SPARSE = 2
-"""One of so many rays is fitted until a family is chosen, then all; with three, the wall of a bowl became too thick."""
 
 
 class PrimitivesOptions(Options):
@@ -79,7 +77,6 @@ def complete(
 def _fits(ctx: Context, evidence: evidence_of.Evidence, options: PrimitivesOptions) -> list[Fitted]:
     """The best body of each family; a family that cannot be fitted to the view is left out with a warning."""
     fitted: list[Fitted] = []
-    searched = evidence.sparse(SPARSE)
     names = [name for name in HYPOTHESES if name in options.hypotheses]
     if not names:
         ctx.fail("no hypothesis is left to try", hint="allow more `hypotheses`", known=listing(HYPOTHESES))
@@ -91,8 +88,8 @@ def _fits(ctx: Context, evidence: evidence_of.Evidence, options: PrimitivesOptio
         ctx.progress(done, len(names), name)
         try:
             fitted += [
-                fitted_of(candidate, evidence, options.refine_steps, searched=searched, rivals=fitted)
-                for candidate in propose(evidence, (name,), options.wall_m, least_of(fitted))
+                fitted_of(candidate, evidence, options.refine_steps)
+                for candidate in propose(evidence, (name,), options.wall_m)
             ]
         except (ArithmeticError, ValueError, IndexError, np.linalg.LinAlgError) as error:
             ctx.warn(f"{name} was not tried: {type(error).__name__}: {error}")
@@ -101,7 +98,8 @@ def _fits(ctx: Context, evidence: evidence_of.Evidence, options: PrimitivesOptio
 
 def _is_out(name: str, fitted: list[Fitted]) -> bool:
     """Whether a family is behind the two best whatever its fit, because of its complexity: neither result nor rival."""
-    return BEST - COSTS.get(name, 0.0) < least_of(fitted)
+    behind = sorted(found.score for found in fitted)[:-1]
+    return bool(behind) and BEST - COSTS.get(name, 0.0) < behind[-1]
 
 
 def _stand_in(ctx: Context, evidence: evidence_of.Evidence, seen: Seen, common: MeshOptions, why: str) -> Shape:

@@ -54,12 +54,15 @@ class Fit:
     loss: float
 
 
-def begun(model: Model, evidence: Evidence, iterations: int, tries: int = 2) -> Fit:
-    """The best of `tries` starts, those that fit best as they are, after `iterations` steps from each."""
+def fit(model: Model, evidence: Evidence, iterations: int, tries: int = 2) -> Fit:
+    """Fit `model`: judge every start and refine the best `tries`."""
     starts = [np.clip(start, model.lower, model.upper) for start in model.starts]
     losses = [_loss(model, evidence, start)[0] for start in starts]
     order = np.argsort(losses, kind="stable")[:tries]
-    return min((descend(model, evidence, starts[i], iterations) for i in order), key=lambda found: found.loss)
+    short = max(3, iterations // 3)
+    first = [descend(model, evidence, starts[i], short) for i in order]
+    best = min(first, key=lambda found: found.loss)
+    return descend(model, evidence, best.parameters, iterations - short)
 
 
 def descend(model: Model, evidence: Evidence, start: np.ndarray, iterations: int) -> Fit:

@@ -31,11 +31,9 @@ YAWS_DEG = (0.0, -20.0, 20.0, -40.0, 40.0)
 RATIOS = (0.4, 0.6, 0.9, 1.4, 2.1)
 """Ratios of depth to width that are tried."""
 CLIMBED = 3
-"""Number of the best of these from which a local search starts; only the best one found takes the finer steps."""
+"""Number of the best of these from which a local search starts."""
 CLIMBS = ((12.0, 1.25), (6.0, 1.12), (3.0, 1.06))
 """Steps of the local search: yaw [deg] and factor of the ratio."""
-PROMISE = 0.1
-"""Gain of score that the finer steps of the local search and the fit may bring."""
 STEEPEST_DEG = 62.0
 """Maximum yaw of a plane."""
 UNLIKELY = 0.04
@@ -46,17 +44,12 @@ SPECK_M = 1e-4
 """Size of the placeholder body if the plane leaves nothing [m]."""
 
 
-def mirrored(evidence: Evidence, least: float = -np.inf) -> tuple[Front, Model] | None:
-    """The front, and the model: direction of the plane's normal [rad] and its distance from the origin [m]; or None.
-
-    Args:
-        evidence: The view.
-        least: Score that the body must come near to after a coarse search; otherwise the fine one is not worth it.
-    """
+def mirrored(evidence: Evidence) -> tuple[Front, Model] | None:
+    """The front, and the model: direction of the plane's normal [rad] and its distance from the origin [m]; or None."""
     front = front_of(evidence)
     if front is None:
         return None
-    start = _best_plane(front, _thinned(evidence), least)
+    start = _best_plane(front, _thinned(evidence))
     if start is None:
         return None
     room = np.array([0.25, 0.02])
@@ -96,8 +89,8 @@ def _thinned(evidence: Evidence) -> Evidence:
     return replace(evidence, k=k, **{name: getattr(evidence, name)[::step, ::step] for name in names})
 
 
-def _best_plane(front: Front, evidence: Evidence, least: float) -> np.ndarray | None:
-    """The likeliest plane: best of a coarse grid with local search; None if no plane leaves a body of that score."""
+def _best_plane(front: Front, evidence: Evidence) -> np.ndarray | None:
+    """The likeliest plane: best of a coarse grid with local search; None if no plane leaves a body."""
     marks: dict[tuple[float, float], float] = {}
 
     def mark(yaw_deg: float, ratio: float) -> float:
@@ -109,29 +102,25 @@ def _best_plane(front: Front, evidence: Evidence, least: float) -> np.ndarray | 
         return marks[place]
 
     grid = sorted(((yaw, ratio) for yaw in YAWS_DEG for ratio in RATIOS), key=lambda at: -mark(*at))
-    places = [_climbed(mark, *at, *CLIMBS[0]) for at in grid[:CLIMBED]]
-    best = max(places, key=lambda at: mark(*at))
-    if mark(*best) - COST < least - PROMISE:
-        return None
-    for turn, factor in CLIMBS[1:]:
-        best = _climbed(mark, *best, turn, factor)
+    found = [_climbed(mark, *at) for at in grid[:CLIMBED]]
+    best = max(found, key=lambda at: mark(*at))
     return _plane(evidence, *best) if np.isfinite(mark(*best)) else None
 
 
-def _climbed(
-    mark: Callable[[float, float], float], yaw_deg: float, ratio: float, turn: float, factor: float
-) -> tuple[float, float]:
-    """Yaw [deg] and ratio at a local optimum of the score, in steps of `turn` [deg] and `factor`."""
+def _climbed(mark: Callable[[float, float], float], yaw_deg: float, ratio: float) -> tuple[float, float]:
+    """Yaw [deg] and ratio at a local optimum of the score."""
     here = yaw_deg, ratio
-    while True:
-        yaw, part = here
-        near = [(yaw + turn, part), (yaw - turn, part), (yaw, part * factor), (yaw, part / factor)]
-        near += [(yaw + turn, part * factor), (yaw - turn, part * factor)]
-        near += [(yaw + turn, part / factor), (yaw - turn, part / factor)]
-        best = max(near, key=lambda at: mark(*at))
-        if not mark(*best) > mark(*here):
-            return here
-        here = best
+    for turn, factor in CLIMBS:
+        while True:
+            yaw, part = here
+            near = [(yaw + turn, part), (yaw - turn, part), (yaw, part * factor), (yaw, part / factor)]
+            near += [(yaw + turn, part * factor), (yaw - turn, part * factor)]
+            near += [(yaw + turn, part / factor), (yaw - turn, part / factor)]
+            best = max(near, key=lambda at: mark(*at))
+            if not mark(*best) > mark(*here):
+                break
+            here = best
+    return here
 
 
 def _plane(evidence: Evidence, yaw_deg: float, ratio: float) -> np.ndarray:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dextera_build.geometry import raycast
-from rules.factorize.shapes import evidence, fitted, hypotheses, refine, scoring
+from rules.factorize.shapes import evidence, hypotheses, scoring
 from tests import object_views
 from tests.rules.factorize import synthetic_views as synthetic
 from tests.rules.factorize.shapes.test_mesh import box, shape_of
@@ -33,29 +33,3 @@ def test_rays_across_the_outline_meet_what_single_rays_meet(body):
         every = np.isfinite(scene.cast(seen.rays).distance)
         assert 0.2 < every.mean() < 0.8
         assert (seen.met(scene) == every).mean() > 0.999
-
-
-@pytest.mark.medium
-def test_a_family_far_behind_two_others_takes_a_third_of_the_steps():
-    seen = evidence.gather(object_views.seen(synthetic.view(box(0.1, 0.07, 0.05), synthetic.Eye())))
-    names = ("box", "tilted_box", "lying_cylinder", "cylinder")
-    made = {name: hypotheses.propose(seen, (name,), 0.003)[0] for name in names}
-    best = [fitted.fitted_of(made[name], seen, 14) for name in names[:2]]
-    for name, is_behind in (("lying_cylinder", True), ("tilted_box", False)):
-        contended = fitted.fitted_of(made[name], seen, 14, rivals=best)
-        alone = fitted.fitted_of(made[name], seen, 14)
-        begun = refine.begun(made[name].model, seen, 4).parameters
-        assert (contended.parameters == (begun if is_behind else alone.parameters)).all()
-        assert (contended.score < fitted.least_of(best) - fitted.PROMISE) == is_behind
-
-
-@pytest.mark.medium
-def test_half_of_the_rays_choose_the_family_that_all_of_them_choose():
-    body = synthetic.cup(0.03, 0.042, 0.1, 0.004, 0.006)
-    seen = evidence.gather(object_views.seen(synthetic.view(body, synthetic.Eye())))
-    sparse = seen.sparse(2)
-    assert len(sparse.fitted_rays) == pytest.approx(len(seen.rays) / 2, abs=1)
-    made = [hypotheses.propose(seen, (name,), 0.003)[0] for name in ("cylinder", "revolved", "revolved_hollow")]
-    for view in (seen, sparse):
-        found = [fitted.fitted_of(one, seen, 14, searched=view) for one in made]
-        assert max(found, key=lambda one: one.score).candidate is made[2]
