@@ -86,7 +86,7 @@ class RosCell:
         camera: Camera | None = None,
     ) -> None:
         self._transport, self._topics, self._bundle, self._bag, self._sleep = transport, topics, bundle, bag, sleep
-        self._camera = camera
+        self._camera, self._rays = camera, np.zeros((0, 0, 3), np.float32)
         self.safety = safety
         self._rows = {name: row for row, name in enumerate(bundle.objects)}
         self._joints = wire.Joints([joint.name for joint in bundle.robot.joints], topics)
@@ -323,7 +323,7 @@ class RosCell:
         depth = None if measured is None else images.depths(measured.value, self._topics.depths[camera].name)
         cloud = None
         if depth is not None and self._camera is not None and "cloud" in self._needed:
-            cloud = depth[..., None] * cameras.rays(depth.shape[0], depth.shape[1], self._camera.matrix()).astype(
-                np.float32
-            )
+            if self._rays.shape[:2] != depth.shape:
+                self._rays = cameras.rays(depth.shape[0], depth.shape[1], self._camera.matrix()).astype(np.float32)
+            cloud = depth[..., None] * self._rays
         return Frame(rgb, depth, cloud)

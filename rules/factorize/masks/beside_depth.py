@@ -32,7 +32,7 @@ def things_beside_depth(seen: Workspace) -> list[Box]:
         seen: The photograph with its depth; none are found in one that is not upright.
     """
     columns = np.flatnonzero((seen.depth > 0).mean(axis=0) > LEAST)
-    if seen.turns or not len(columns):
+    if seen.turns or not len(columns) or (columns[0], columns[-1]) == (0, seen.camera.width - 1):
         return []
     near, expected = seen.over_support(BEYOND_M)
     area = np.square(expected) / (seen.camera.fx * seen.camera.fy)
