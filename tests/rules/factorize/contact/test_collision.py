@@ -163,10 +163,12 @@ def test_neither_a_box_nor_an_arch_has_a_cavity():
 def test_what_takes_coacd_too_long_is_cut_into_wedges(runner):
     import manifold3d
 
-    balls = [manifold3d.Manifold.sphere(0.02, 24).translate((0.05 * i, 0.03 * (i % 2), 0.02)) for i in range(24)]
+    balls = [manifold3d.Manifold.sphere(0.02, 48).translate((0.05 * i, 0.03 * (i % 2), 0.02)) for i in range(24)]
     mesh = manifold3d.Manifold.batch_boolean(balls, manifold3d.OpType.Add).to_mesh64()
     knobs = solids.Solid(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64))
-    made = pieces(runner, object_views.body(object_views.mesh(knobs)), coacd={"seconds": 1, "threshold": 0.01})
+    # So many faces take CoACD three times the limit on a fast machine.
+    limits = {"seconds": 1, "threshold": 0.01, "faces": 12000}
+    made = pieces(runner, object_views.body(object_views.mesh(knobs)), coacd=limits)
     assert made.method == "wedges"
     assert runner.outcome.warnings == ["CoACD took more than 1 s; the link was cut into wedges"]
     assert made.lacking < 0.12
