@@ -12,7 +12,7 @@ from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 from packaging.utils import canonicalize_name
 
-EXTRAS = ("twin", "learn", "recordings", "share", "cloud", "models", "view", "teleop", "serve", "ros", "warp")
+EXTRAS = ("twin", "learn", "recordings", "share", "cloud", "models", "view", "teleop", "serve", "ros", "zenoh", "warp")
 OLDEST = "3.11.2"
 """The oldest interpreter that the lock has to serve: Debian 12's."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.deploying.cell import RosCell, Sleep
 from dextera_build.deploying.stream import Stream
 from dextera_build.deploying.topics import Topics
-from dextera_build.deploying.transport import Endpoint, Topic, Transport
+from dextera_build.deploying.transport import Endpoint, Quality, Topic, Transport
 from dextera_build.formats.ros import hashes
 
 LEAST_STATES = 2.5
@@ -52,10 +52,14 @@ def checkup(
         listen_s: Time to listen [s].
     """
     sleep(listen_s)
-    others = transport.others()
+    others, fits = transport.others(), transport.fits
     needed = {stream.topic for stream in cell.needed_streams()}
-    found = [check for topic in topics.measured() if topic.name in needed for check in _matched(topic, others, DRIVER)]
-    found += [check for controller in topics.controllers for check in _matched(controller.topic, others, CONTROLLER)]
+    found = [
+        check for topic in topics.measured() if topic.name in needed for check in _matched(topic, others, fits, DRIVER)
+    ]
+    found += [
+        check for controller in topics.controllers for check in _matched(controller.topic, others, fits, CONTROLLER)
+    ]
     found += [check for stream in cell.needed_streams() for check in _arrives(stream)]
     found += _clock(cell.state, LEAST_STATES * cell.rate_hz)
     found += _joints(cell, robot)
@@ -98,7 +102,9 @@ CONTROLLER = _Side(
 )
 
 
-def _matched(topic: Topic, others: tuple[Endpoint, ...], side: _Side) -> Iterator[Check]:
+def _matched(
+    topic: Topic, others: tuple[Endpoint, ...], fits: Callable[[Quality, Quality], bool], side: _Side
+) -> Iterator[Check]:
     """Whether another program publishes a topic as it is read here, or reads it as it is published here."""
     what = f"{topic.name} {side.present}"
     found = [each for each in others if each.topic == topic.name and each.writes == side.writes]
@@ -112,7 +118,7 @@ def _matched(topic: Topic, others: tuple[Endpoint, ...], side: _Side) -> Iterato
     offered, requested = (found[0].quality, topic.quality) if side.writes else (topic.quality, found[0].quality)
     yield Check(
         f"{topic.name} quality",
-        offered.admits(requested),
+        fits(offered, requested),
         f"offered {offered}, requested {requested}",
         f"{side.change} `{topic.name}` as {topic.quality}",
     )

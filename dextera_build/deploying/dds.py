@@ -106,6 +106,10 @@ class Dds:
         """Time by which messages are stamped [ns since 1970]."""
         return time.time_ns()
 
+    def fits(self, offered: Quality, requested: Quality) -> bool:
+        """Whether a reader that requests a quality gets the messages of a writer that offers one."""
+        return offered.admits(requested)
+
     def others(self) -> tuple[Endpoint, ...]:
         """Writers and readers of other programs that were discovered so far."""
         return self._api.endpoints(self._participant)

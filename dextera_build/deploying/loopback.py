@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from dextera_build.deploying.transport import Endpoint, Receive, Topic
+from dextera_build.deploying.transport import Endpoint, Quality, Receive, Topic
 from dextera_build.formats.ros import hashes
 
 
@@ -59,6 +59,10 @@ class Loopback:
     def clock(self) -> int:
         """Time of the bus [ns]."""
         return self._bus.now()
+
+    def fits(self, offered: Quality, requested: Quality) -> bool:
+        """Whether a reader that requests a quality gets the messages of a writer that offers one."""
+        return offered.admits(requested)
 
     def others(self) -> tuple[Endpoint, ...]:
         """Writers and readers of the other programs on the bus."""

@@ -79,6 +79,10 @@ class Transport(Protocol):
         """Time by which messages are stamped [ns since 1970]."""
         ...
 
+    def fits(self, offered: Quality, requested: Quality) -> bool:
+        """Whether a reader that requests a quality gets the messages of a writer that offers one."""
+        ...
+
     def others(self) -> tuple[Endpoint, ...]:
         """Writers and readers of other programs that were discovered so far."""
         ...

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -16,7 +17,10 @@ import pytest
 from dextera_build.deploying import loopback
 from dextera_build.deploying.topics import STATUS
 from dextera_build.deploying.transport import SENSOR, Endpoint, Quality, Topic, Transport
+from dextera_build.errors import MachineError
 from dextera_build.formats.ros import hashes, messages, types
+from tests.readers import ENVIRONMENTS
+from tests.remotes.servers import free_port
 
 JOINTS = Topic("/joint_states", "sensor_msgs/JointState")
 PICTURES = Topic("/camera/image/compressed", "sensor_msgs/CompressedImage", SENSOR)
@@ -36,13 +40,19 @@ def pair(kind: str) -> tuple[Transport, Transport]:
     if kind == "loopback":
         bus = loopback.Bus()
         return loopback.Loopback(bus), loopback.Loopback(bus)
+    if kind == "zenoh":
+        pytest.importorskip("zenoh", reason="needs eclipse-zenoh (extra `zenoh`)")
+        from dextera_build.deploying.zenoh_wire import Zenoh
+
+        address = f"127.0.0.1:{free_port()}"
+        return Zenoh(address, DOMAIN, routes=True), Zenoh(address, DOMAIN)
     pytest.importorskip("cyclonedds", reason="needs cyclonedds (extra `ros`)")
     from dextera_build.deploying.dds import Dds
 
     return Dds(domain=DOMAIN), Dds(domain=DOMAIN)
 
 
-@pytest.fixture(params=["loopback", "dds"])
+@pytest.fixture(params=["loopback", "dds", "zenoh"])
 def both(request: pytest.FixtureRequest) -> Iterator[tuple[Transport, Transport]]:
     """Two programs that can reach one another."""
     made = pair(request.param)
@@ -91,8 +101,9 @@ def test_others_are_discovered_with_type_hash_and_quality(both: tuple[Transport,
     until(lambda: found() == wanted)
 
 
-def test_a_reader_that_asks_for_more_gets_nothing(both: tuple[Transport, Transport]) -> None:
-    sender, receiver = both
+@pytest.mark.parametrize("kind", ["loopback", "dds", "zenoh"])
+def test_a_reader_that_asks_for_more_gets_nothing_but_by_zenoh(kind: str) -> None:
+    sender, receiver = pair(kind)
     lossy = Topic("/lossy", JOINTS.kind, Quality(reliable=False))
     got: list[str] = []
     receiver.subscribe(Topic(lossy.name, lossy.kind, Quality()), lambda message, at: got.append("reliable"))
@@ -100,7 +111,11 @@ def test_a_reader_that_asks_for_more_gets_nothing(both: tuple[Transport, Transpo
     for _ in range(20):
         sender.publish(lossy, messages.joint_state(1, ["a"], np.zeros(1)))
         time.sleep(0.01)
-    assert got == []
+    fits = receiver.fits(lossy.quality, Quality())
+    assert fits == (kind == "zenoh")
+    assert bool(got) == fits
+    sender.close()
+    receiver.close()
 
 
 def test_a_late_reader_gets_the_last_message_of_a_topic_that_keeps_it(both: tuple[Transport, Transport]) -> None:
@@ -179,6 +194,68 @@ def test_a_node_of_ros_2_is_heard_and_hears(tmp_path: Path) -> None:
     assert [list("abc"), [0.2, 0.3, 0.4], 50_000_000] in got["trajectories"]
     assert [1.0, 2.0, 3.0] in got["numbers"]
     assert got["late"] == 0
+
+
+@pytest.mark.slow
+def test_a_node_by_zenoh_is_heard_and_hears() -> None:
+    """ROBOTIS' zenoh-ros2-sdk has the names and hashes of rmw_zenoh from its own code."""
+    pytest.importorskip("zenoh", reason="needs eclipse-zenoh (extra `zenoh`)")
+    from dextera_build.deploying.zenoh_wire import Zenoh
+
+    home = ENVIRONMENTS / "zenoh"
+    if not (home / ".installed").exists():
+        pytest.skip("needs .venv/readers/zenoh; `make readers` makes it")
+    numbers, kept = Topic("/numbers", "std_msgs/Float64MultiArray"), Topic("/kept", STATUS.kind, STATUS.quality)
+    port, states = free_port(), list[bytes]()
+    router = Zenoh(f"127.0.0.1:{port}", DOMAIN, routes=True)
+    transport = Zenoh(f"127.0.0.1:{port}", DOMAIN)
+    transport.publish(kept, messages.text("before it came"))
+    transport.subscribe(JOINTS, lambda message, at: states.append(message))
+    script = Path(__file__).with_name("zenoh_node.py")
+    command = [str(home / "bin" / "python"), str(script), str(port), str(DOMAIN), "4"]
+    node = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    until(lambda: len(states) > 50, 30)
+    transport.publish(numbers, messages.numbers("abc", np.array([1.0, 2.0, 3.0])))
+    theirs = {each.topic: each for each in transport.others()}
+    out, _ = node.communicate(timeout=30)
+    transport.close()
+    router.close()
+    got = json.loads(out.splitlines()[-1])
+    last = hashes.read(JOINTS.kind, states[-1])
+    assert dict(zip(last.name, last.position, strict=True)) == {"a": 0.5, "b": -1.0}
+    assert (got["numbers"], got["kept"]) == ([[1.0, 2.0, 3.0]], ["before it came"])
+    assert got["hashes"] == [hashes.type_hash(each.kind) for each in (JOINTS, numbers, kept)]
+    assert (theirs["/joint_states"].writes, theirs["/numbers"].writes) == (True, False)
+    assert theirs["/kept"].quality == STATUS.quality
+
+
+def test_an_absent_router_is_named() -> None:
+    pytest.importorskip("zenoh", reason="needs eclipse-zenoh (extra `zenoh`)")
+    from dextera_build.deploying.zenoh_wire import Zenoh
+
+    with pytest.raises(MachineError, match="no Zenoh router answers") as absent:
+        Zenoh("127.0.0.1:1")
+    assert "`tcp/127.0.0.1:1`" in str(absent.value)
+    assert "rmw_zenohd" in str(absent.value.hint)
+    address = f"127.0.0.1:{free_port()}"
+    router = Zenoh(address, routes=True)
+    with pytest.raises(MachineError, match="no Zenoh router can listen"):
+        Zenoh(address, routes=True)
+    router.close()
+
+
+@pytest.mark.parametrize(
+    "token",
+    [
+        "@ros2_lv/0/zid/0/0/NN/%/%/dxb",
+        "@ros2_lv/0/zid/0/4/SS/%/%/n/%add/example_interfaces::srv::dds_::AddTwoInts_/RIHS01_0/::,10:,:,:,,",
+        "@ros2_lv/0/zid/0/4/MP/%/%/n/%a/std_msgs::msg::dds_::String_/RIHS01_0/::",
+    ],
+)
+def test_tokens_of_nodes_services_and_other_forms_are_no_endpoints(token: str) -> None:
+    from dextera_build.deploying.zenoh_wire import endpoint
+
+    assert endpoint(token) is None
 
 
 def test_the_end_of_python_does_not_wait_for_cyclone_dds() -> None:

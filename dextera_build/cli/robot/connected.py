@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from dextera_build.session import Session
 
 CAMERA = "workspace"
+TRANSPORTS = ("dds", "zenoh")
+ANYWHERE = "0.0.0.0"
+"""Where a simulated robot that others read listens as a router."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,6 +35,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--view", metavar="RECIPE:NODE", help="camera of a policy that takes pictures")
     parser.add_argument("--camera", default=CAMERA, help=f"name of that camera in topics ({CAMERA})")
     parser.add_argument("--domain", type=int, default=0, help="ROS_DOMAIN_ID of the robot (0)")
+    parser.add_argument(
+        "--transport", choices=TRANSPORTS, default="dds", help="zenoh: the robot uses rmw_zenoh_cpp (dds)"
+    )
     options.project_arguments(parser)
     options.json_argument(parser)
     parser.set_defaults(input=[], settings=[], backends=[])
@@ -69,20 +75,28 @@ def opened(args: argparse.Namespace) -> Connected:
     return Connected(session, bundle, topics.of_robot(bundle.robot, names, (args.camera,) if view else ()), view)
 
 
-def transport(args: argparse.Namespace, peers: tuple[str, ...]) -> Transport:
-    """A participant of the robot's DDS domain.
+def transport(args: argparse.Namespace, peers: tuple[str, ...], *, simulates: bool = False) -> Transport:
+    """A program in the robot's domain.
+
+    Args:
+        args: The arguments.
+        peers: Addresses of the robot, or of those who read the simulated one.
+        simulates: Whether it takes the place of the robot, where the router of Zenoh is.
 
     Raises:
         UsageError: There is no such domain.
-        MachineError: cyclonedds is missing, or cannot use the network.
+        MachineError: The package of the transport is missing, or the network cannot be used.
     """
-    from dextera_build.deploying import dds
+    from dextera_build.deploying import dds, zenoh_wire
     from dextera_build.errors import UsageError
 
     if not 0 <= args.domain <= dds.MOST_DOMAIN:
         raise UsageError(
-            f"there is no DDS domain {args.domain}", code="DXB-U345", hint=f"`--domain N`, 0 to {dds.MOST_DOMAIN}"
+            f"there is no domain {args.domain}", code="DXB-U345", hint=f"`--domain N`, 0 to {dds.MOST_DOMAIN}"
         )
+    if args.transport == "zenoh":
+        address = (ANYWHERE if peers else dds.LOCAL) if simulates else peers[0]
+        return zenoh_wire.Zenoh(address, args.domain, routes=simulates)
     return dds.Dds(peers, args.domain)
 
 

@@ -94,11 +94,15 @@ def _simulate(args: argparse.Namespace) -> int:
     faults = tuple(_fault(text) for text in args.fault)
     environment = Environment(here.bundle)
     environment.begin(environment.draw(args.seed))
-    transport = connected.transport(args, tuple(args.peer))
+    transport = connected.transport(args, tuple(args.peer), simulates=True)
     simulation = Simulation(delay_s=args.delay, loss=args.loss, clock_s=args.clock, faults=faults, seed=args.seed)
     with pictures.live(environment, here.view, ("rgb", "depth")) if here.view else nullcontext() as look:
         robot = SimulatedRobot(transport, here.topics, environment, simulation, look)
-        print(f"simulated robot on DDS domain {args.domain}; press Ctrl-C to stop", file=sys.stderr, flush=True)
+        print(
+            f"simulated robot in domain {args.domain} by {args.transport}; press Ctrl-C to stop",
+            file=sys.stderr,
+            flush=True,
+        )
         late = _ticking(robot, args.seconds)
     transport.close()
     told = facts(robot) | {"restarts_late": late}
