@@ -43,7 +43,7 @@ test-medium: setup ## Run the tests of half a second to four, as CI does with th
 test-gpu: setup ## Run the tests of training on a GPU, which are skipped without one
 	$(BIN)/python -m pytest tests/rules/learn/test_gpu.py $(ARGS)
 
-test-all: setup servers readers meshes $(VENV)/.robots $(VENV)/.repair ## Run every test, also the slow ones, in a browser and on published meshes
+test-all: setup servers readers meshes $(VENV)/.robots $(VENV)/.repair $(VENV)/dexret/.installed ## Run every test, also the slow ones, in a browser and on published meshes
 	@.ci/system browser
 	PYTHONPATH=$(VENV)/robots:$(CURDIR)/$(VENV)/repair:$(CURDIR)/$(VENV)/ray $(BIN)/python -m pytest -n 2 --dist worksteal $(ARGS)
 
