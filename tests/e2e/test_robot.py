@@ -2,116 +2,25 @@
 
 from __future__ import annotations
 
-import base64
-import json
-import os
 import signal
 import subprocess
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from dextera_build import digest
-from dextera_build.artifacts.base import Artifact
-from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.formats.ros import reading
 from dextera_build.policy import robot_run
 from dextera_build.sim.model.model import compile_folder
 from dextera_build.sim.runtime.palms import Palms
-from tests import documents, factories, task_bundles
+from tests import documents
 from tests.e2e.page import blocks
+from tests.e2e.robots import DOMAIN, LINE, NAMES, PICTURES, SEEING, TARGETS, built, ended, lift, ran, started
 from tests.e2e.space import Space
 
 pytest.importorskip("cyclonedds", reason="needs cyclonedds (extra `ros`)")
 
-DOMAIN = str(110 + os.getpid() % 80)
-STORED = '''
-"""demo.NAME: an artifact from a file."""
-import base64
-import json
-from dextera_build.artifacts.base import File
-from dextera_build.artifacts.tasks.task import KIND
-from dextera_build.rule import Context, Options, rule
-
-class KINDOptions(Options):
-    """Options."""
-
-@rule(version=1)
-def NAME(ctx: Context, stored: File, *, options: KINDOptions) -> KIND:
-    """Return the artifact."""
-    read = json.loads(stored.data)
-    return KIND.decode(read["key"], lambda key: base64.b64decode(read["blobs"][key]))
-'''
-ROBOT = '''
-"""demo.robot: the robot of a task."""
-from dextera_build.artifacts.robots.robot import RobotModel
-from dextera_build.artifacts.tasks.task import TaskBundle
-from dextera_build.rule import Context, Options, rule
-
-class RobotOptions(Options):
-    """Options."""
-
-@rule(version=1)
-def robot(ctx: Context, bundle: TaskBundle, *, options: RobotOptions) -> RobotModel:
-    """Return the robot."""
-    return bundle.robot
-'''
-LINE = '''
-"""learn.line: a policy that goes to one place."""
-import numpy as np
-from dextera_build.artifacts.tasks.policy import Channel, Checkpoint, PolicyContract
-from dextera_build.artifacts.tasks.task import TaskBundle
-from dextera_build.policy import contract
-from dextera_build.policy.layout import of_bundle
-from dextera_build.rule import Context, Options, rule
-
-class LineOptions(Options):
-    """Options."""
-
-@rule(version=1)
-def line(ctx: Context, bundle: TaskBundle, *, options: LineOptions) -> Checkpoint:
-    """Return the policy."""
-    here = of_bundle(bundle)
-    return Checkpoint(
-        weights=(2).to_bytes(8, "little") + b"{}",
-        contract=PolicyContract(
-            algorithm="line", task=here.task, embodiment=here.embodiment, rate_hz=here.rate_hz, dataset="", settings={},
-            inputs=(contract.channel(here, "joints"), contract.channel(here, "objects")),
-            action=Channel(name="action", shape=(len(here.joints),), names=here.joints),
-        ),
-        steps=np.zeros(0, np.int64), curve=np.zeros(0, np.float32), curve_name="none",
-    )
-'''
-POLICY = '''
-"""Runs policies of learn.line."""
-import numpy as np
-
-def predict(checkpoint, bundle):
-    """Joint targets [m], the same at every step."""
-    return lambda inputs, step: np.array([[0.03, -0.02, 0.05, 0.04, 0.04]])
-'''
-RECIPE = """
-summary: A task from a file, and a policy for it.
-inputs:
-  stored: data/task.json
-  camera: data/view.json
-nodes:
-  task: {rule: demo.task, stored: $stored, lift: {height_m: 0.1}}
-  view: {rule: demo.view, stored: $camera}
-  robot: {rule: demo.robot, bundle: $task}
-  names:
-    rule: simulate.ros_names
-    robot: $robot
-    controllers:
-      - {topic: /rails/commands, kind: forward, joints: [x, y, z]}
-      - {topic: /hand/trajectory, joints: [left, right]}
-  policy: {rule: learn.line, bundle: $task}
-targets:
-  default: [policy, names, view]
-"""
 FOLLOWS = """
 summary: A policy that sees a term of the project.
 extends: task/try
@@ -147,82 +56,11 @@ def predict(checkpoint, bundle):
         return np.array([[*(inputs["joints"][0, 0, :3] + way), 0.04, 0.04]])
     return act
 '''
-NAMES = ("--names", "task/try:names", "--domain", DOMAIN)
-SEEING = ("--view", "task/try:view")
-PICTURES = "/workspace/color/image_raw/compressed"
-TARGETS = {"x": 0.03, "y": -0.02, "z": 0.05, "left": 0.04, "right": 0.04}
-
-
-def stored(artifact: Artifact) -> str:
-    """An artifact with its parts as one text."""
-    blobs: dict[str, str] = {}
-
-    def put(data: bytes) -> str:
-        key = digest.of_bytes(data)
-        blobs[key] = base64.b64encode(data).decode()
-        return key
-
-    return json.dumps({"key": artifact.encode(put), "blobs": blobs})
-
-
-def lift() -> TaskBundle:
-    """A task with long control periods, because the machine of a test is busy."""
-    made = task_bundles.lift()
-    return made.model_copy(update={"task": made.task.model_copy(update={"control_hz": 5.0})})
-
-
-@pytest.fixture
-def built(space: Space) -> Space:
-    """A project with a task and a policy."""
-    made = lift()
-    camera = factories.placed(factories.look_at((0.5, -0.5, 0.7)), "camera")
-    space.write("data/task.json", stored(made))
-    space.write("data/view.json", stored(View(camera=factories.camera(64, 48), camera_pose=camera)))
-    rules = {"demo/robot.py": ROBOT, "learn/line/line.py": LINE, "learn/line/policy.py": POLICY}
-    for name, kind in (("task", "TaskBundle"), ("view", "View")):
-        rules[f"demo/{name}.py"] = STORED.replace("NAME", name).replace("KIND", kind)
-    # Trials run the code of the task's primitive.
-    rules["demo/task.py"] = (
-        rules["demo/task.py"]
-        .replace('"""Options."""', '"""Options."""\n    primitive: str = "lift"\n    """Its primitive."""')
-        .replace("version=1", 'version=1, folders={"primitive": "primitives"}')
-    )
-    for name, text in rules.items():
-        space.write(f"rules/{name}", text.lstrip())
-    space.write("recipes/task/try.yaml", RECIPE)
-    done = space.build("task/try")
-    assert done.code == 0, done.err[-3000:]
-    return space
-
-
-def started(space: Space, *more: str) -> subprocess.Popen[str]:
-    """A simulated robot that moves when it is told to."""
-    made = space.start("robot", "simulate", "task/try", "--json", *NAMES, *more)
-    assert made.stderr is not None
-    while "simulated robot" not in (line := made.stderr.readline()):
-        assert line, "the robot ended"
-    return made
-
-
-def ended(robot: subprocess.Popen[str]) -> dict[str, Any]:
-    """What happened to it."""
-    robot.send_signal(signal.SIGINT)
-    out, err = robot.communicate(timeout=60)
-    assert robot.returncode == 0, err
-    return documents.read(out)
-
-
-def ran(space: Space, out: str, *more: str, policy: str = "task/try:policy") -> tuple[int, dict[str, Any]]:
-    """A run of the policy: exit code and what it tells."""
-    command = ("run", "task/try", "--policy", policy, "--robot", "127.0.0.1", "--out", out, "--json")
-    done = space.dxb(*command, *NAMES, *more)
-    assert done.out, done.err
-    return done.code, done.document
 
 
 @pytest.mark.slow
-def test_a_policy_drives_a_robot_over_dds(built: Space) -> None:
-    space = built
+def test_a_policy_drives_a_robot_over_dds(space: Space) -> None:
+    built(space)
     nobody = space.dxb("run", "task/try", "--policy", "task/try:policy", *NAMES)
     assert nobody.code == 4
     assert "nobody publishes it" in nobody.err
@@ -261,8 +99,8 @@ def test_a_policy_drives_a_robot_over_dds(built: Space) -> None:
 
 
 @pytest.mark.slow
-def test_a_policy_sees_a_term_of_the_project_on_a_robot(built: Space) -> None:
-    space = built
+def test_a_policy_sees_a_term_of_the_project_on_a_robot(space: Space) -> None:
+    built(space)
     space.write("rules/terms/palm_to_object.py", blocks("terms", "python")[0])
     space.write("rules/learn/follow/follow.py", FOLLOW.lstrip())
     space.write("rules/learn/follow/policy.py", FOLLOWED.lstrip())
@@ -286,8 +124,8 @@ def test_a_policy_sees_a_term_of_the_project_on_a_robot(built: Space) -> None:
 
 
 @pytest.mark.slow
-def test_a_robot_that_falls_silent_over_dds_is_not_moved_any_more(built: Space) -> None:
-    space = built
+def test_a_robot_that_falls_silent_over_dds_is_not_moved_any_more(space: Space) -> None:
+    built(space)
     robot = started(space, "--fault", "joint_states_stop@1")
     try:
         code, told = ran(space, "cut.mcap")
@@ -300,36 +138,8 @@ def test_a_robot_that_falls_silent_over_dds_is_not_moved_any_more(built: Space) 
 
 
 @pytest.mark.slow
-def test_a_policy_drives_a_robot_by_zenoh(built: Space) -> None:
-    pytest.importorskip("zenoh", reason="needs eclipse-zenoh (extra `zenoh`)")
-    space, zenoh = built, ("--transport", "zenoh")
-    nobody = space.dxb("run", "task/try", "--policy", "task/try:policy", *NAMES, *zenoh)
-    assert nobody.code == 4
-    assert "no Zenoh router answers at `tcp/127.0.0.1:7447`" in nobody.err
-    robot = started(space, *SEEING, *zenoh)
-    try:
-        doctor = space.dxb("robot", "doctor", "task/try", "--json", *NAMES, *SEEING, *zenoh)
-        assert (doctor.code, doctor.document["failed"]) == (0, 0), doctor.err
-        code, told = ran(space, "whole.mcap", *SEEING, *zenoh)
-    finally:
-        heard = ended(robot)
-    assert (code, told["reason"]) == (0, "not done within 4 s")
-    assert 2 * told["steps"] == heard["commands"] == 40
-    assert heard["joints"] == pytest.approx(TARGETS, abs=5e-3)
-    assert heard["status"] == ["running", "stopped: not done within 4 s"]
-
-    robot = started(space, "--fault", "cut@1", *zenoh)
-    try:
-        code, told = ran(space, "cut.mcap", *zenoh)
-    finally:
-        heard = ended(robot)
-    assert (code, told["reason"]) == (1, "the guard stopped the robot: no joint states arrived for more than 0.4 s")
-    assert heard["commands_after_stop"] == 0
-
-
-@pytest.mark.slow
-def test_a_demonstration_is_recorded_while_another_program_commands(built: Space) -> None:
-    space = built
+def test_a_demonstration_is_recorded_while_another_program_commands(space: Space) -> None:
+    built(space)
     robot = started(space)
     recorder = space.start("robot", "record", "task/try", "--out", "demo.mcap", "--limit", "2", "--json", *NAMES)
     try:
@@ -350,9 +160,9 @@ def test_a_demonstration_is_recorded_while_another_program_commands(built: Space
 
 
 @pytest.mark.slow
-def test_a_policy_of_another_process_drives_a_robot_over_dds(built: Space) -> None:
+def test_a_policy_of_another_process_drives_a_robot_over_dds(space: Space) -> None:
     pytest.importorskip("websockets", reason="needs websockets (extra `serve`)")
-    space = built
+    built(space)
     server = space.start("serve", "task/try:policy", "--port", "0", "--json")
     assert server.stdout is not None
     address = documents.read(server.stdout.readline())["url"]
@@ -382,9 +192,9 @@ def moving(space: Space, policy: str) -> subprocess.Popen[str]:
 
 
 @pytest.mark.slow
-def test_a_policys_process_that_is_killed_leaves_the_robot_held(built: Space) -> None:
+def test_a_policys_process_that_is_killed_leaves_the_robot_held(space: Space) -> None:
     pytest.importorskip("websockets", reason="needs websockets (extra `serve`)")
-    space = built
+    built(space)
     server = space.start("serve", "task/try:policy", "--port", "0", "--json")
     assert server.stdout is not None
     robot = started(space)
