@@ -69,20 +69,27 @@ def read(raw: Any, hint: Any, folder: Path) -> Any:
     return _Reader(folder).get(raw, hint, "output")
 
 
-def has_form(hint: Any) -> bool:
-    """Whether values of a type can be written and read: data, rather than objects with behaviour."""
+def has_form(hint: Any, holders: frozenset[Any] = frozenset()) -> bool:
+    """Whether values of a type can be written and read: data, rather than objects with behaviour.
+
+    Args:
+        hint: The type.
+        holders: Types of which it is a part; a type that holds itself, as views hold further views, ends with them.
+    """
     if hint in (Any, None, type(None), np.ndarray, bytes, Path, bool, int, float, str) or _is(hint, File | Folder):
         return True
     origin = get_origin(hint)
     if origin is Literal or origin is np.ndarray:
         return True
     if origin is Annotated:
-        return any(isinstance(each, Array) for each in get_args(hint)[1:]) or has_form(get_args(hint)[0])
+        return any(isinstance(each, Array) for each in get_args(hint)[1:]) or has_form(get_args(hint)[0], holders)
     if origin is not None:
         known = origin in (Union, types.UnionType) or _is(origin, Mapping) or _is(origin, Iterable)
-        return known and all(has_form(inner) for inner in get_args(hint) if inner is not Ellipsis)
+        return known and all(has_form(inner, holders) for inner in get_args(hint) if inner is not Ellipsis)
+    if hint in holders:
+        return True
     fields = _fields(hint)
-    return fields is not None and all(map(has_form, fields.values()))
+    return fields is not None and all(has_form(part, holders | {hint}) for part in fields.values())
 
 
 class _Writer:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -31,20 +32,25 @@ WIDTH_PX = 400
 
 def row(scene: Scene, photograph: np.ndarray) -> np.ndarray:
     """The photograph (H, W, 3) uint8 and the twin's views, side by side."""
+    views = list(around(scene, np.radians(TURNS_DEG), WIDTH_PX))
+    height = len(views[0])
+    return np.hstack([cv2.resize(photograph, (WIDTH_PX, height), interpolation=cv2.INTER_AREA), *views])
+
+
+def around(scene: Scene, turns: np.ndarray, width_px: int) -> Iterator[np.ndarray]:
+    """Pictures (H, W, 3) uint8 from the photograph's camera, turned by `turns` [rad] about the middle of the bodies."""
     model = models.compile_folder(scene.model)
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_forward(model, data)
     middle = np.mean([data.body(name).xpos for name in scene.bodies], axis=0)
-    camera = scene.camera.scaled(WIDTH_PX / scene.camera.width)
-    pictures = [cv2.resize(photograph, (camera.width, camera.height), interpolation=cv2.INTER_AREA)]
-    for turn in np.radians(TURNS_DEG):
-        around = np.eye(4)
-        around[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
-        around[:3, 3] = middle - around[:3, :3] @ middle
-        with Eye(model, camera, around @ scene.camera_pose.matrix) as eye:
-            pictures.append(eye.rgb(data))
-    return np.hstack(pictures)
+    camera = scene.camera.scaled(width_px / scene.camera.width)
+    for turn in turns:
+        turned = np.eye(4)
+        turned[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
+        turned[:3, 3] = middle - turned[:3, :3] @ middle
+        with Eye(model, camera, turned @ scene.camera_pose.matrix) as eye:
+            yield eye.rgb(data)
 
 
 def main() -> None:

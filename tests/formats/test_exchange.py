@@ -42,6 +42,14 @@ class Pair:
     by_name: dict[str, tuple[int, float]]
 
 
+@dataclass
+class Branch:
+    """One that holds others like it, as a link of a body does."""
+
+    mesh: Mesh
+    branches: tuple[Branch, ...] = ()
+
+
 class Look(Options):
     """Options."""
 
@@ -210,6 +218,7 @@ def test_only_data_has_a_form():
         Any,
         Collection[File],
         Look,
+        Branch,
     ]
     assert [hint for hint in known if not exchange.has_form(hint)] == []
     strange = [object, dict[str, object], os.stat_result, tuple[Image, type]]
