@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from dextera_build.code.loader import BackendFile, RuleFile
 from dextera_build.code.machine import Machine
 from dextera_build.errors import Place, RecipeError, did_you_mean, listing
+from dextera_build.recipe.expect import STAND_INS
 from dextera_build.recipe.profiles import Profile
 from dextera_build.recipe.scope import Scope
 from dextera_build.recipe.strict_yaml import Node
@@ -30,10 +31,15 @@ def given_of(bound: Mapping[str, Node], scope: Scope) -> Iterator[str]:
             yield name
 
 
-def taking(found: RuleFile, inputs: Iterable[str]) -> tuple[str, ...]:
-    """The backends of a rule that are for one of the given inputs, see `Backend.takes`."""
+def taking(found: RuleFile, inputs: Iterable[str], profile: Profile) -> tuple[str, ...]:
+    """The backends of a rule that are for one of the given inputs, see `Backend.takes`.
+
+    None where the profile's own are stand-ins, because a stand-in made what they would read besides.
+    """
     able = {name: {*backend.facts.takes} for name, backend in found.backends.items() if backend.facts.takes}
-    given = {*inputs} if able else set()
+    if not able or profile.preferred(found)[1] == STAND_INS:
+        return ()
+    given = {*inputs}
     return tuple(name for name, takes in able.items() if takes & given)
 
 

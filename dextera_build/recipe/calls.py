@@ -187,7 +187,7 @@ class CallMaker:
         wish = self._backends.get(found.path)
         if wish is None and wanted is not None:
             wish = Wish(listed(wanted, "backend"), "recipe", wanted.place)
-        if wish is None and (names := taking(found, inputs)):
+        if wish is None and (names := taking(found, inputs, self._profile)):
             wish = Wish(names, f"given `{'`, `'.join(found.backends[names[0]].facts.takes)}`", decl.place)
         return choose(found, wish, self._profile, decl.place, self._library.machine, fallback=self.fallback)
 

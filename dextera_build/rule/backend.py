@@ -19,7 +19,8 @@ class Backend:
     profiles: tuple[str, ...] = ()
     """Profiles that take it for rules that their files do not list; see `recipe.profiles`."""
     takes: tuple[str, ...] = ()
-    """Inputs of the rule that this backend is for: a call with one of them has it, unless it names another."""
+    """Inputs of the rule that this backend is for: a call with one of them has it, unless it names another, or
+    the profile takes stubs."""
     packages: tuple[str, ...] = ()
     """Distributions without which it is not chosen; their versions enter the key."""
     extra: str = ""

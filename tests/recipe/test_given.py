@@ -7,6 +7,7 @@ import pytest
 from dextera_build.engine.graph import Graph
 from dextera_build.errors import RecipeError
 from dextera_build.recipe.plan import Request, plan
+from dextera_build.recipe.profiles import Profile
 from tests.recipe.conftest import Space
 
 ECHO = '''
@@ -64,6 +65,14 @@ def test_with_the_input_it_does_and_its_reader_has_the_backend_for_it(echoing: S
     said = graph.members["said"]
     assert set(graph.members) == {"start", "cleaned", "again", "said"}
     assert (said.rule.backend, said.rule.chosen) == ("tape", "given `recording`")
+
+
+def test_a_profile_of_stand_ins_keeps_its_own(echoing: Space) -> None:
+    echoing.write("rules/toy/echo_stub.py", BACKEND.lstrip().format(facts='profiles=("stub",)'))
+    project = echoing.project()
+    request = Request(profile=Profile("stub"), inputs={"voice": str(echoing.root / "voice.txt")})
+    graph = plan("say/it", project.recipe, project.library, project.root, request).graph
+    assert graph.members["said"].rule.backend == "stub"
 
 
 def test_a_backend_that_is_named_counts_more(echoing: Space) -> None:

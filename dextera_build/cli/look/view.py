@@ -72,11 +72,12 @@ def _served(args: argparse.Namespace, session: Session, node: str) -> int:
         viewer.gui.add_markdown(f"**{stub}**")
     if args.save:
         return _save(args, viewer, steps)
-    table.say("view", {"url": url}, url, as_json=args.json)
-    print("press Ctrl-C to stop", file=sys.stderr)
-    if not args.no_open:
-        webbrowser.open(url)
     try:
+        # Before the address: a program that reads it may stop the viewer at once.
+        print("press Ctrl-C to stop", file=sys.stderr)
+        table.say("view", {"url": url}, url, as_json=args.json)
+        if not args.no_open:
+            webbrowser.open(url)
         while True:
             time.sleep(3600)
     except KeyboardInterrupt:
