@@ -11,6 +11,7 @@ from tests.e2e.space import Space
 
 PAIR = "dataset/kl/lift_mustard_bottle"
 TASK = "KL: LiftMustardBottle"
+NODES = ("pair/episodes", "data/yields", "data/lerobot", "data/replayed")
 PUBLISHED = "100 / 20, replay 30"
 
 
@@ -21,7 +22,7 @@ def test_both_worlds_and_one_more_episode(tmp_path: Path) -> None:
 
     def built(count: int) -> tuple[set[str], list[dict[str, str]]]:
         counts = [f"pair/shards.episodes={count}", "data/shards.episodes=1", "data/replay.trials=1"]
-        targets = [f"{PAIR}:{node}" for node in ("pair/episodes", "data/yields", "data/recorded_film", "data/replayed")]
+        targets = [f"{PAIR}:{node}" for node in NODES]
         settings = [word for each in counts for word in ("--set", each)]
         answer = space.dxb("build", "--console", "jsonl", *targets, *settings, timeout_s=2500.0)
         assert answer.code == 0, answer.err[-3000:]
@@ -33,6 +34,8 @@ def test_both_worlds_and_one_more_episode(tmp_path: Path) -> None:
 
         replays = {row["worlds"]: row["trials"] for row in table("data/replayed") if row["task"] == TASK}
         assert replays == {"twin / reference, tracked": "replay 1", "paper: simulation / hardware": PUBLISHED}
+        card = next((tmp_path / path).read_text() for name, path in files.items() if name.endswith("data/lerobot"))
+        assert "Domain: the reference world: a simulation" in card
         return answer.nodes("ran"), table("data/yields")
 
     _, rows = built(2)

@@ -183,7 +183,7 @@ def test_a_knocked_camera_rebuilds_what_depends_on_its_calibration_alone(tmp_pat
         assert low < 0.0202 < high
 
 
-SEEN = {"view", "film", "large_film", "lerobot", "mcap", "act_image", "act_image_twin", "act_image_reference"}
+SEEN = {"view", "film", "pixels", "large_film", "lerobot", "mcap", "act_image", "act_image_twin", "act_image_reference"}
 """Nodes of task/close_laptop that depend on the camera of the pictures."""
 
 
