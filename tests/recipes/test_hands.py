@@ -60,3 +60,24 @@ def test_hands_of_a_task_are_made_and_pass_the_check(tmp_path: Path) -> None:
     assert "no person and no headset" in shown["result"]
     checked = space.build("capture/hands", "--input", f"operator={made}")
     assert checked.code == 0, checked.err[-3000:]
+
+
+ERRORS = ("tremor_m", "tremor_deg", "jitter_m", "jitter_deg", "drift_m", "drift_deg", "losses_per_min", "clock_s")
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1500)
+def test_a_task_follows_a_recording_in_place_of_its_script(tmp_path: Path) -> None:
+    """With real backends; hands without errors of tracking, since a program does not correct what it sees."""
+    space = Space(tmp_path)
+    exact = [word for name in ERRORS for word in ("--set", f"hands.unsteady.{name}=0")]
+    made = space.build("reference/operator_hands:hands", *exact)
+    assert made.code == 0, made.err[-3000:]
+    recording = next(line.split("\t")[1] for line in made.out.splitlines() if line.startswith("hands\t"))
+    command = ("task/kl/lift_mustard_bottle:sources", "--input", f"operator={recording}")
+    assert space.build(*command).code == 0
+    shown = space.dxb("show", *command, "--json").document
+    assert shown["backend"] == "hands"
+    assert space.dxb("check", *command).code == 0, "bit for bit the same"
+    filtered = space.dxb("plan", *command, "--set", "sources.hands.low_pass_hz=8")
+    assert filtered.code == 0
