@@ -251,6 +251,8 @@ def refused(path: str, file: Path, error: Exception) -> DxbError:
         )
     if isinstance(error, RecursionError) and "during" in str(error):
         return too_deep(str(file))
+    if isinstance(error, MemoryError) and "source too complex" in str(error):
+        return too_deep(str(file))
     said = str(error) if isinstance(error, ImportError) else f"{type(error).__name__}: {error}"
     said = re.sub(r"\bdxb_rules_[0-9a-f]{12}\b", "rules", said)
     where = _last(error, file)

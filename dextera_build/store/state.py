@@ -124,11 +124,11 @@ class State:
         import sqlite3
 
         if self._path not in _lockless:
-            return sqlite3.connect(self._path, patience_s, isolation_level=None)
+            return sqlite3.connect(self._path, timeout=patience_s, isolation_level=None)
         from urllib.parse import quote
 
         name = quote(os.fsencode(os.path.abspath(self._path)))
-        return sqlite3.connect(f"file:{name}?vfs=unix-none", patience_s, isolation_level=None, uri=True)
+        return sqlite3.connect(f"file:{name}?vfs=unix-none", timeout=patience_s, isolation_level=None, uri=True)
 
     def _look_for_locks(self) -> None:
         """Note whether the file system has no locks: SQLite takes that for a lock of another build, and would wait."""
