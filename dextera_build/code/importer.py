@@ -179,7 +179,10 @@ class _Loader(SourceFileLoader):
 
     def get_code(self, fullname: str) -> CodeType:
         """The module's code, compiled without the byte-code cache of the base class."""
-        code: CodeType = self.source_to_code(self._importer.source(fullname, self.path), self.path)
+        try:
+            code: CodeType = self.source_to_code(self._importer.source(fullname, self.path), self.path)
+        except (RecursionError, MemoryError):  # the parser's stack, or the compiler's
+            raise too_deep(self.path) from None
         return code
 
 
@@ -249,10 +252,6 @@ def refused(path: str, file: Path, error: Exception) -> DxbError:
             facts={"Python": sys.executable},
             hint="install it; code of the project itself needs `pip install -e .`, or its folder on PYTHONPATH",
         )
-    if isinstance(error, RecursionError) and "during" in str(error):
-        return too_deep(str(file))
-    if isinstance(error, MemoryError) and "source too complex" in str(error):
-        return too_deep(str(file))
     said = str(error) if isinstance(error, ImportError) else f"{type(error).__name__}: {error}"
     said = re.sub(r"\bdxb_rules_[0-9a-f]{12}\b", "rules", said)
     where = _last(error, file)
