@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import tarfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Self
 
@@ -29,13 +29,19 @@ class _File(tarfile.TarInfo):
     """The header of a file or a folder."""
 
     @classmethod
-    def frombuf(cls, buf: bytes | bytearray, encoding: str, errors: str) -> Self:
-        found = super().frombuf(buf, encoding, errors)
-        if found.type not in _KINDS:
-            raise archive(found.name, "is neither a file nor a folder")
-        if found.size < 0:
-            raise archive(found.name, "has a negative size")
-        return found
+    def fromtarfile(cls, packed: tarfile.TarFile) -> Self:
+        # Looked at before the base class acts on it, which from Python 3.13 on does not call `frombuf`.
+        assert packed.fileobj is not None
+        start = packed.fileobj.tell()
+        header = packed.fileobj.read(tarfile.BLOCKSIZE)
+        packed.fileobj.seek(start)
+        with suppress(tarfile.HeaderError):
+            found = tarfile.TarInfo.frombuf(header, packed.encoding or "utf-8", packed.errors or "strict")
+            if found.type not in _KINDS:
+                raise archive(found.name, "is neither a file nor a folder")
+            if found.size < 0:
+                raise archive(found.name, "has a negative size")
+        return super().fromtarfile(packed)
 
 
 @contextmanager
