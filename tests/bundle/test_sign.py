@@ -21,6 +21,9 @@ from tests.bundle.conftest import bundle
 from tests.bundle.forge import Forgery, packed, unpacked
 
 
+needs_ssh_keygen = pytest.mark.skipif(shutil.which("ssh-keygen") is None, reason="no ssh-keygen here")
+
+
 @pytest.fixture
 def key(tmp_path: Path) -> Path:
     sign.generate(tmp_path / "key", "anna@lab")
@@ -139,7 +142,7 @@ def test_the_private_key_is_for_its_owner_alone(key):
     assert error.value.code == "DXB-U143"
 
 
-@pytest.mark.skipif(shutil.which("ssh-keygen") is None, reason="no ssh-keygen here")
+@needs_ssh_keygen
 def test_keys_of_ssh_keygen_serve(tmp_path, key):
     path = tmp_path / "id"
     subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-C", "carl@lab", "-f", path], check=True)
@@ -187,6 +190,7 @@ def test_a_file_without_a_key_is_said_so(tmp_path, content):
         sign.trusted([tmp_path / "missing"])
 
 
+@needs_ssh_keygen
 def test_a_key_of_another_kind_is_said_so(tmp_path):
     subprocess.run(["ssh-keygen", "-q", "-t", "ecdsa", "-N", "", "-f", tmp_path / "id"], check=True)
     with pytest.raises(UsageError, match="holds no private ed25519 key"):
