@@ -42,10 +42,10 @@ def _upper(s: Surfaces, labels: np.ndarray, ledge: int, patch: int) -> np.ndarra
     if s.pixel_m2.ravel()[top].sum() < LEDGE_M2 or not own.any():
         return None
     group = relations.describe(s, top, 0.0)
-    normal = group.plane[0] * np.sign(group.plane[0][2] or 1.0)
-    if normal[2] < LEVEL:
+    if abs(float(group.plane[0][2])) < LEVEL:
         return None
-    above = own & ((s.points - group.middle) @ normal > 0)
+    # A small ledge tilts with the noise; level is the better guess some way from it.
+    above = own & (s.points[..., 2] > group.middle[2])
     sides = above, own & ~above
     if min(float(s.pixel_m2[side].sum()) for side in sides) < LEAST_M2:
         return None
