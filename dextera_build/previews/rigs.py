@@ -23,7 +23,7 @@ def _facts_of_calibration(found: Calibration) -> Iterator[str]:
     yield f"T_{found.pose.parent}_{found.pose.child}"
     if found.method:
         yield found.method
-    sigma = found.sigma()
+    sigma = found.pose.sigma()
     if sigma is not None:
         yield f"sigma {1000 * sigma[0]:.2g} mm, {np.degrees(sigma[1]):.2g} deg"
     if found.residuals is not None and len(found.residuals):

@@ -69,9 +69,10 @@ def main() -> None:
             scene, settled = built.artifact("scene"), built.artifact("settle")
             assert isinstance(scene, Scene)
             assert isinstance(settled, SettleReport)
-            free = [body for body in settled.bodies if body.name not in scene.held]
+            count = len(scene.bodies) + len(scene.held)
+            resting = sum(body.resting for body in settled.bodies)
             held = "; ".join(f"{body}: {why}" for body, why in scene.held.items()) or "-"
-            print(f"| {capture.name} | {len(scene.bodies)} | {len(free)} | {sum(b.resting for b in free)} | {held} |")
+            print(f"| {capture.name} | {count} | {len(scene.bodies)} | {resting} | {held} |")
             photograph = cv2.cvtColor(cv2.imread(str(capture / "rgb.png")), cv2.COLOR_BGR2RGB)
             rows.append(row(scene, photograph))
     cv2.imwrite(str(options.out), cv2.cvtColor(np.vstack(rows), cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 88])

@@ -86,7 +86,3 @@ class Calibration(Artifact):
     def observations(self) -> int:
         """Number of observations with at least one of these."""
         return next((len(series) for name in SERIES if (series := getattr(self, name)) is not None), 0)
-
-    def sigma(self) -> tuple[float, float] | None:
-        """See `Pose.sigma`."""
-        return self.pose.sigma()

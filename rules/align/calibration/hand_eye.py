@@ -78,7 +78,7 @@ def hand_eye(
     if found.residuals is not None and len(found.residuals):
         distance, angle = np.sqrt((found.residuals**2).mean(axis=0))
         rms = 1000 * float(distance), float(np.degrees(angle))
-    sigma = found.sigma() or (0.0, 0.0)
+    sigma = found.pose.sigma() or (0.0, 0.0)
     ctx.metric("residual", rms[0], "mm")
     ctx.metric("residual rotation", rms[1], "deg")
     ctx.metric("sigma", 1000 * sigma[0], "mm")

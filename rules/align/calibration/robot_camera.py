@@ -112,7 +112,7 @@ def robot_camera(
         ctx.metric(f"{name} surface", 1000 * value, "mm")
     ctx.metric("shift", 1000 * found.shift_m, "mm")
     ctx.metric("weight", combined.weight)
-    sigma = refined.sigma() or (0.0, 0.0)
+    sigma = refined.pose.sigma() or (0.0, 0.0)
     ctx.metric("sigma", 1000 * sigma[0], "mm")
     told = ", ".join(f"{name} {value:.1f} mm" for name, value in rms.items())
     ctx.say(

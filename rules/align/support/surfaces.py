@@ -13,6 +13,12 @@ SAMPLES = 8000
 GATE = 3.0
 LEVEL_M = 0.008
 """Maximum mean distance of a surface cell from the plane [m]."""
+CUT = 0.5
+"""A plane that cuts through a wall has at least this fraction of its pixels in a cell directly below them, too."""
+EDGE_ON = np.sin(np.radians(2.0))
+"""Sine of the angle to the lines of sight below which a plane is none that is seen: noise of the depth lies in it."""
+AROUND = 5
+"""Edge length of the neighbourhood in which most cells tell where a plane cuts through a wall."""
 
 
 @dataclass(frozen=True)
@@ -81,15 +87,34 @@ def find(points: np.ndarray, valid: np.ndarray, most: int, warp_m: float, rng: n
             break
         near = left.copy()
         near[left] = largest[1]
-        surface = _connected(planes.facing(largest[0]), points, near)
+        plane = planes.facing(largest[0])
+        surface = _connected(plane, points, near, _just_below(plane, points, sigma, valid))
         if surface is not None:
-            found.append(_refined(surface, points, sigma, valid))
+            refined = _refined(surface, points, sigma, valid)
+            away = float(np.median(np.linalg.norm(points[refined.region], axis=1)))
+            found += [refined] if refined.plane[1] > EDGE_ON * away else []
         left &= ~near
     return found
 
 
-def _connected(plane: planes.Plane, points: np.ndarray, near: np.ndarray) -> Surface | None:
-    """The largest connected region of a plane's inliers, bridging gaps of a few cells."""
+def _just_below(plane: planes.Plane, points: np.ndarray, sigma: np.ndarray, valid: np.ndarray) -> np.ndarray:
+    """Pixels (H, W) of a layer below a plane's inliers that is as thick as theirs."""
+    distance = planes.distance(plane, points)
+    return np.asarray(valid & (distance < -GATE * sigma) & (distance > -3.0 * GATE * sigma))
+
+
+def _connected(plane: planes.Plane, points: np.ndarray, near: np.ndarray, below: np.ndarray) -> Surface | None:
+    """The largest connected region of a plane's inliers, bridging gaps of a few cells.
+
+    The line in which the plane cuts through the walls of a room is no part of it: it would extend the outline of a
+    table to the walls behind it.
+
+    Args:
+        plane: Normal towards the camera, in the camera frame [m].
+        points: (H, W, 3) camera frame [m].
+        near: (H, W) bool, inliers.
+        below: (H, W) bool, see `_just_below`.
+    """
     axes = plane_axes(plane)
     xy = points[near] @ axes[:2].T
     if len(xy) < 100:
@@ -108,7 +133,11 @@ def _connected(plane: planes.Plane, points: np.ndarray, near: np.ndarray) -> Sur
     level = (counts > 2) & (np.abs(sums) < LEVEL_M * np.maximum(counts, 1))
     covered = np.zeros(counts.shape, bool)
     covered[tuple((_cells_above(plane, points, axes, origin, counts.shape)).T)] = True
-    region = regions.largest(_bridged(level) | covered, counts * level) & level
+    deeper = np.zeros(counts.shape, np.int64)
+    np.add.at(deeper, tuple(_cells(points[below] @ axes[:2].T, origin, counts.shape).T), 1)
+    own = level & ~_cutting(level, deeper > CUT * counts)
+    # The front face of a table is below the cells at its edge, which belong to it.
+    region = _bridged(regions.largest(_bridged(own) | covered, counts * own) & own) & level
     inside = region[cells[:, 0] + 2, cells[:, 1] + 2]
     if inside.sum() < 100:
         return None
@@ -127,8 +156,27 @@ def _cells_above(
     along = coarse @ plane[0]
     coarse, along = coarse[along < 0], along[along < 0]
     meets = coarse * (-plane[1] / along)[:, None]
-    cells = np.floor(meets @ axes[:2].T / CELL_M).astype(np.int64) - origin + 2
+    return _cells(meets @ axes[:2].T, origin, shape)
+
+
+def _cells(xy: np.ndarray, origin: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Cells (M, 2) of those points (N, 2) of a plane [m] that are on its grid."""
+    cells = np.floor(xy / CELL_M).astype(np.int64) - origin + 2
     return np.asarray(cells[((cells >= 0) & (cells < np.array(shape))).all(axis=1)])
+
+
+def _cutting(level: np.ndarray, deeper: np.ndarray) -> np.ndarray:
+    """Cells (h, w) of a plane in which it cuts through something, which goes on below it.
+
+    Args:
+        level: (h, w) bool, cells of the plane.
+        deeper: (h, w) bool, cells with pixels below it; the noise leaves out some.
+    """
+    from scipy import ndimage
+
+    cut, window = level & deeper, np.ones((AROUND, AROUND), np.int64)
+    some, every = (ndimage.convolve(cells.astype(np.int64), window, mode="constant") for cells in (cut, level))
+    return np.asarray(cut | (2 * some > every))
 
 
 def _between(pixels: np.ndarray) -> np.ndarray:
@@ -154,7 +202,7 @@ def _refined(surface: Surface, points: np.ndarray, sigma: np.ndarray, valid: np.
     """Refit the surface to its own region only, without inliers beyond it."""
     plane = planes.facing(planes.refine(surface.plane, points[surface.region], sigma[surface.region], gate=GATE))
     near = valid & (np.abs(planes.distance(plane, points)) < GATE * sigma)
-    surface = _connected(plane, points, near) or surface
+    surface = _connected(plane, points, near, _just_below(plane, points, sigma, valid)) or surface
     coarse, seen = points[::2, ::2], valid[::2, ::2]
     along = coarse @ surface.plane[0]
     # Intersections of the lines of sight with the plane; a true support ends them there or before.

@@ -13,6 +13,7 @@ from dextera_build.geometry.regions import box_of
 from ..measured import Workspace
 from ..overlap import Box
 from ..regions.heights import BEYOND_M
+from . import colours
 from .clear import AROUND_PX, LARGEST_M, UNLIKE_LAB, Surface, is_thick, surface_of
 
 LEAST = 0.05
@@ -71,11 +72,9 @@ def _things(surface: Surface, beside: np.ndarray, area: np.ndarray, border: slic
 def _unlike(surface: Surface, mask: np.ndarray) -> np.ndarray:
     """Pixels (H, W) of a mask whose colour the support beside them lacks."""
     from scipy import ndimage
-    from scipy.spatial import cKDTree
 
     beside = surface.bare & (ndimage.distance_transform_edt(~mask) < AROUND_PX if mask.any() else mask)
     found = np.zeros_like(mask)
     if beside.any():
-        samples = surface.lab[beside][:: max(1, int(beside.sum()) // 4000)]
-        found[mask] = cKDTree(samples).query(surface.lab[mask])[0] > UNLIKE_LAB
+        found[mask] = colours.distances(surface.lab, mask, beside, 2 * colours.SAMPLES) > UNLIKE_LAB
     return found

@@ -18,6 +18,7 @@ from ..measured import Workspace
 from ..overlap import Box, inwards
 from ..regions import proposals
 from ..regions.heights import least_height
+from . import colours
 
 SINKS_M = 0.004
 """Points lower than this, in addition to the noise, are seen through something [m]."""
@@ -163,13 +164,11 @@ def surface_of(seen: Workspace) -> Surface:
 def _outlined(surface: Surface, mask: np.ndarray, not_support: np.ndarray) -> float:
     """Fraction of the pixels of a mask whose colour the support beside it lacks, or that are sharper than its edges."""
     from scipy import ndimage
-    from scipy.spatial import cKDTree
 
     around = ndimage.binary_dilation(mask, iterations=AROUND_PX) & ~ndimage.binary_dilation(mask, iterations=RING_PX)
     beside = around & ~not_support & surface.bare
     if not beside.any():
         return 0.0
     lab, edge = surface.lab, surface.edge
-    samples = lab[beside][:: max(1, int(beside.sum()) // 2000)]
-    unlike = cKDTree(samples).query(lab[mask])[0] > UNLIKE_LAB
+    unlike = colours.distances(lab, mask, beside) > UNLIKE_LAB
     return float((unlike | (edge[mask] > 1.5 * np.quantile(edge[beside], EDGY))).mean())

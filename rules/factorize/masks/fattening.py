@@ -10,13 +10,12 @@ import numpy as np
 from ..overlap import crop, inwards
 from ..regions import proposals
 from ..regions.heights import Relief
+from . import colours
 
 AROUND_PX = 40
 """Distance from a mask within which the support's colours are taken [px]."""
 CORE = 0.5
 """Pixels with this fraction of the largest distance from the border show the object's colours."""
-SAMPLES = 2000
-"""Colours of the object, and of the support, with which others are compared."""
 ALIKE = 0.6
 """Maximum distance of a colour from the support's, as a fraction of its distance from the object's."""
 EDGE_PX = 5
@@ -80,7 +79,6 @@ def _with_core(left: np.ndarray, core: np.ndarray, removed: np.ndarray) -> np.nd
 def _like(support: np.ndarray, own: np.ndarray, lab: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The core of an object, and pixels with colours of the support and not of that core, (h, w) bool each."""
     from scipy import ndimage
-    from scipy.spatial import cKDTree
 
     # Fattened depth is much wider than the pixels at a border that mix two colours, as `matte.core` leaves them out.
     inside = inwards(own)
@@ -89,8 +87,7 @@ def _like(support: np.ndarray, own: np.ndarray, lab: np.ndarray) -> tuple[np.nda
     if not all(where.any() for where in known):
         return core, np.zeros_like(own)
     near = ndimage.binary_dilation(own, iterations=EDGE_PX)
-    samples = [lab[where][:: max(1, int(where.sum()) // SAMPLES)] for where in known]
-    to_core, to_support = (cKDTree(sample).query(lab[near])[0] for sample in samples)
+    to_core, to_support = (colours.distances(lab, near, where) for where in known)
     like = np.zeros_like(own)
     like[near] = to_support < ALIKE * to_core
     return core, like

@@ -9,7 +9,7 @@ from dextera_build.geometry import regions
 from ..overlap import crop, inwards
 from ..regions import proposals
 from ..regions.heights import Relief
-from . import fattening
+from . import colours, fattening
 
 BAND = 12
 """Maximum distance of object pixels beyond the measured mask [px]."""
@@ -86,7 +86,6 @@ def bays(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.ndarra
     Black and specular surfaces have no depth, and the floor of a bowl is hardly higher than the support.
     """
     from scipy import ndimage
-    from scipy.spatial import cKDTree
 
     outline = regions.convex_hull(np.argwhere(mask).astype(np.float64))
     box = crop(mask, 2 * BAND)
@@ -101,8 +100,7 @@ def bays(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.ndarra
     if empty.sum() < LEAST_BAY * own.sum():
         return mask
     lab = ndimage.uniform_filter(proposals.colour_lab(pixels[box]), size=(3, 3, 1))
-    colours = [lab[where][:: max(1, int(where.sum()) // 2000)] for where in (core(own), floor)]
-    to_own, to_floor = (cKDTree(colour).query(lab[empty])[0] for colour in colours)
+    to_own, to_floor = (colours.distances(lab, empty, where) for where in (core(own), floor))
     alike = np.zeros_like(own)
     alike[empty] = to_own < ALIKE * to_floor
     labels, count = ndimage.label(ndimage.binary_opening(alike, np.ones((3, 3), bool)))

@@ -4,13 +4,14 @@ Objects are mostly convex from outside. Patches that meet convexly or smoothly a
 steps separate them, with six exceptions: slivers, cavities, attached parts, groups that a network classifies as one
 object, one surface visible on both sides of an occluder, and laptops. Cavities and parts are not joined if the network
 classifies them as two objects with high confidence. Groups whose whole parts it classifies as two objects are divided.
+Patches that go on above and below a ledge are divided first, and are never joined again.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from . import relations
+from . import ledges, relations
 from .partition import FEWEST, Grouping
 from .patches import Surfaces
 from .revision import divide_doubted
@@ -45,7 +46,7 @@ LOST_M = 0.05
 
 def group(s: Surfaces, labels: np.ndarray) -> Grouping:
     """Group a patch image into objects, one group each."""
-    parts = Grouping(s, labels.copy())
+    parts = Grouping(s, *ledges.divided(s, labels))
     join_convex(parts)
     join_slivers(parts)
     join_cavities(parts)

@@ -17,11 +17,18 @@ FEWEST = 12
 
 
 class Grouping:
-    """A partition of patches, with the contacts between its groups."""
+    """A partition of patches, with the contacts between its groups.
 
-    def __init__(self, s: Surfaces, labels: np.ndarray) -> None:
+    Args:
+        s: The surface.
+        labels: (h, w) int32, patch of each pixel, 1..; it becomes the group's number.
+        apart: Pairs of patches of two objects.
+    """
+
+    def __init__(self, s: Surfaces, labels: np.ndarray, apart: Iterable[tuple[int, int]] = ()) -> None:
         self.surfaces = s
         self.labels = labels
+        self.apart = tuple(apart)
         bends = relations.bends(s, labels)
         order = np.argsort(labels, axis=None, kind="stable")
         starts = np.searchsorted(labels.ravel()[order], np.arange(1, labels.max() + 2))
@@ -42,7 +49,10 @@ class Grouping:
         return self.contacts.get((min(a, b), max(a, b)), Contact())
 
     def odds(self, a: int, b: int) -> float:
-        """Log odds by the network that two groups are one object."""
+        """Log odds by the network that two groups are one object; -inf if they have patches of two objects."""
+        own, others = self.members[a], self.members[b]
+        if any((p in own and q in others) or (q in own and p in others) for p, q in self.apart):
+            return -np.inf
         return self.bonds.score(self.groups[a], self.groups[b], self.contact(a, b))
 
     def neighbours(self, a: int) -> list[int]:

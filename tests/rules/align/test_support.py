@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dextera_build.errors import RuleError
-from dextera_build.geometry import regions, transforms
+from dextera_build.geometry import cameras, regions, transforms
 from dextera_build.testing import RuleRunner
 from rules.align.support import choice, surfaces
 from tests import factories, tabletops
@@ -66,6 +66,37 @@ def test_a_surface_a_little_lower_is_another_one(runner):
     scene = tabletops.tabletop((BOX, factories.pose()), (shelf, factories.pose()), half=0.25, noise=1.0)
     support = runner.run("align.support", **factories.shot(scene.capture))
     assert regions.area(support.polygon) == pytest.approx(0.25, rel=0.06)
+
+
+def test_the_wall_behind_a_table_is_no_part_of_it(runner):
+    """The table's plane cuts through a wall 4 cm behind it, which is wider than the table."""
+    wall = factories.box_mesh((-2.0, 0.54, -0.8), (2.0, 0.6, 1.5), colour=(0.9, 0.9, 0.85))
+    table = factories.box_mesh((-0.3, -0.5, -0.05), (1.5, 0.5, 0.0), colour=(0.65, 0.5, 0.35))
+    scene = tabletops.tabletop(
+        *((thing, factories.pose()) for thing in (wall, table)),
+        (BOX, factories.pose(0.1, 0.2)),
+        eye=factories.look_at((-0.2, -0.8, 0.7), (-0.2, 0.3, -0.1)),
+        half=0.001,
+        noise=1.0,
+    )
+    support = runner.run("align.support", **factories.shot(scene.capture))
+    angle, offset = error_of(support, scene.world_from_camera)
+    assert angle < 0.3
+    assert offset < 1.5
+    corners = np.column_stack([support.polygon, np.zeros(len(support.polygon))])
+    camera = transforms.apply(transforms.invert(support.camera_pose.matrix), corners)
+    assert transforms.apply(scene.world_from_camera, camera)[:, 0].min() == pytest.approx(-0.3, abs=0.05)
+    assert not runner.outcome.warnings
+
+
+def test_a_plane_through_the_camera_is_no_surface():
+    """Any depth along a few rows of the picture lies in one plane with the camera."""
+    rng = np.random.default_rng(0)
+    valid = np.zeros((240, 320), bool)
+    valid[200:204] = True
+    depth = np.where(valid, rng.uniform(0.6, 0.7, valid.shape), 0.0)
+    points = cameras.backproject(depth, tabletops.LENS.matrix())
+    assert not surfaces.find(points, valid, 1, 0.002, rng)
 
 
 def test_the_same_capture_gives_the_same_bytes(runner):

@@ -34,7 +34,7 @@ def test_it_is_the_inverse_with_its_covariance_in_frames_that_other_rules_know(t
     np.testing.assert_allclose(found.matrix @ given.pose.matrix, np.eye(4), atol=1e-12)
     np.testing.assert_allclose(found.covariance, uncertainty.invert(given.pose.matrix, given.pose.covariance))
     position = 1000 * np.sqrt(np.trace(found.covariance[:3, :3]))
-    assert position > 2.5 > 2.46 > 1000 * given.sigma()[0]  # turning the camera moves the base
+    assert position > 2.5 > 2.46 > 1000 * given.pose.sigma()[0]  # turning the camera moves the base
     assert f", sigma {position:.1f} mm and 0.04 deg" in runner.outcome.line
 
 

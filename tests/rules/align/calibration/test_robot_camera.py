@@ -59,7 +59,7 @@ def test_a_coarse_calibration_is_refined(folder: Path, tmp_path: Path) -> None:
     assert hand_error(taken, start) > 10
     assert hand_error(taken, found) < 1.5
     assert found.method == "unstated, balanced ICP"
-    sigma = found.sigma()
+    sigma = found.pose.sigma()
     assert sigma is not None
     assert 0.0005 < sigma[0] < 0.01
     gap = transforms.invert(worlds.truth()) @ found.pose.matrix
