@@ -21,15 +21,19 @@ from pathlib import Path
 import numpy as np
 
 from dextera_build.artifacts.objects.object import Shape
+from dextera_build.artifacts.objects.view import Instance
 from dextera_build.artifacts.robots.noise import ColourNoise
 from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.errors import DxbError
 from dextera_build.geometry import lie, metrics, open3d_core, solids, transforms
 from dextera_build.sim.render.sensor import measure_colour, measure_depth
 from dextera_build.testing import RuleRunner
+from rules.factorize.shapes.families.names import HYPOTHESES
 from tests import factories, object_views
 from tests.benchmarks import catalogue, household, open_bodies, quick_scenes, sizes
 
+BEFORE = tuple(name for name in HYPOTHESES if name not in ("compartments", "legged", "prism"))
+"""The families without those with openings."""
 POINTS = 40_000
 """Points at which volumes are compared."""
 
@@ -87,11 +91,11 @@ def draw(subject: Subject, seed: int, *, hidden: bool) -> sizes.Drawn:
 
 def _carton(stood: Subject, rng: np.random.Generator) -> tuple[Mesh, ...]:
     """A carton that stands before one half of a body, for a camera somewhere along -y."""
-    low, high = (getattr(stood.closed.vertices, side)(axis=0) for side in ("min", "max"))
-    height = float(0.05 + 0.5 * high[2])
-    size = (float(high[0] - low[0]) / 2, 0.03, height)
-    middle = [float(low[0]) + size[0] / 2 if rng.uniform() < 0.5 else float(high[0]) - size[0] / 2, low[1] - 0.035]
-    box = object_views.mesh(solids.box(size, (*middle, height / 2)))
+    low, high = stood.closed.vertices.min(axis=0), stood.closed.vertices.max(axis=0)
+    half = float(high[0] - low[0]) / 2
+    size = (half, 0.03, float(0.02 + 0.5 * high[2] + 0.7 * (high[1] - low[1])))
+    side = float(low[0]) + half * (0.5 if rng.uniform() < 0.5 else 1.5)
+    box = object_views.mesh(solids.box(size, (side, float(low[1]) - 0.02, size[2] / 2)))
     return (box.model_copy(update={"colour": household.colour(rng)}),)
 
 
@@ -134,30 +138,42 @@ def inside(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.nd
     return np.asarray(scene.compute_occupancy(asked, nsamples=3).numpy()) > 0.5
 
 
-def completed(
-    subjects: list[Subject], seed: int, *, hidden: bool, drawn=None
-) -> Iterator[tuple[str, Shape, sizes.Drawn, Found]]:
-    """Name, shape, photograph and comparison of every body that is completed."""
+@dataclass(frozen=True)
+class Pair:
+    """What is made of one photograph without and with the families that have openings."""
+
+    name: str
+    shapes: tuple[Shape, Shape]
+    found: tuple[Found, Found]
+
+
+def completed(subjects: list[Subject], seed: int, *, hidden: bool) -> Iterator[Pair]:
+    """The completed bodies of every photograph that has them."""
     with tempfile.TemporaryDirectory() as folder:
         runner = RuleRunner(Path(folder))
         for number, subject in enumerate(subjects):
-            drawn = drawn or draw(subject, 1000 * seed + number, hidden=hidden)
+            drawn = draw(subject, 1000 * seed + number, hidden=hidden)
+            closed = Mesh(vertices=drawn.surface.astype(np.float32), faces=subject.closed.faces)
             try:
                 seen, support = sizes.instance(runner, drawn)
-                shape = runner.run("factorize.mesh", **object_views.sights(seen))
+                # From the support's own world to that of the truth.
+                here = drawn.world_from_camera @ transforms.invert(support.camera_pose.matrix)
+                before, after = (_shape(runner, seen, names, here) for names in (BEFORE, HYPOTHESES))
             except DxbError as error:
                 print(f"| {subject.name} | - | {error} |", flush=True)
                 continue
-            # The support's own world to that of the truth.
-            here = drawn.world_from_camera @ transforms.invert(support.camera_pose.matrix)
-            moved = shape.pose.model_copy(update={"matrix": here @ shape.pose.matrix})
-            shape = shape.model_copy(update={"pose": moved})
-            closed = Mesh(vertices=drawn.surface.astype(np.float32), faces=subject.closed.faces)
-            yield subject.name, shape, drawn, Found.of(shape, closed)
+            yield Pair(subject.name, (before, after), (Found.of(before, closed), Found.of(after, closed)))
+
+
+def _shape(runner: RuleRunner, seen: Instance, names: tuple[str, ...], here: np.ndarray) -> Shape:
+    given = object_views.sights(seen)
+    shape: Shape = runner.run("factorize.mesh", options={"primitives": {"hypotheses": names}}, **given)
+    assert shape.pose is not None
+    return shape.model_copy(update={"pose": shape.pose.model_copy(update={"matrix": here @ shape.pose.matrix})})
 
 
 def main() -> None:
-    """One row per body, and the means per kind."""
+    """One row per body, and the means."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--half", default="reported", choices=("chosen", "reported"))
     options.add_argument("--count", type=int, default=2, help="number of bodies of every kind")
@@ -165,24 +181,32 @@ def main() -> None:
     options.add_argument("--hidden", action="store_true", help="a carton stands before each body")
     options.add_argument("--folder", type=Path, default=catalogue.FOLDER, help="what `make meshes` wrote")
     options.add_argument("--meshes", nargs="*", default=[], help="names of foreign meshes, instead of bodies")
+    options.add_argument("--kinds", nargs="*", default=[], help="kinds of bodies, instead of all")
     given = options.parse_args()
-    subjects = list(drawn_bodies(given.half, given.seed, given.count))
+    subjects = [
+        one
+        for one in drawn_bodies(given.half, given.seed, given.count)
+        if not given.kinds or one.name.split()[0] in given.kinds
+    ]
     if given.meshes:
         with tempfile.TemporaryDirectory() as folder:
             subjects = list(foreign(given.meshes, given.folder, RuleRunner(Path(folder))))
-    print("| body | family | Chamfer-L1 [mm] | overlap | filled |\n|---|---|---|---|---|")
+    print("| body | family before | now | Chamfer-L1 before, now [mm] | overlap | filled |\n|---|---|---|---|---|---|")
     rows = []
-    for name, shape, _, found in completed(subjects, given.seed, hidden=given.hidden):
-        figures = f"{1000 * found.chamfer_m:.1f} | {found.overlap:.2f} | {found.filled:.2f}"
-        print(f"| {name} | {shape.hypothesis} | {figures} |", flush=True)
-        rows.append([1000 * found.chamfer_m, found.overlap, found.filled])
+    for pair in completed(subjects, given.seed, hidden=given.hidden):
+        values = np.array([[1000 * one.chamfer_m, one.overlap, one.filled] for one in pair.found])
+        families = " | ".join(shape.hypothesis for shape in pair.shapes)
+        figures = f"{values[0, 0]:.1f}, {values[1, 0]:.1f} | {values[0, 1]:.2f}, {values[1, 1]:.2f}"
+        print(f"| {pair.name} | {families} | {figures} | {values[0, 2]:.2f}, {values[1, 2]:.2f} |", flush=True)
+        rows.append(values)
     told = np.array(rows)
     draws = told[np.random.default_rng(0).integers(0, len(told), (2000, len(told)))].mean(axis=1)
-    bounds = np.quantile(draws, [0.025, 0.975], axis=0)
-    means = " | ".join(
-        f"{mean:.2f} [{low:.2f}, {high:.2f}]" for mean, low, high in zip(told.mean(axis=0), *bounds, strict=True)
-    )
-    print(f"| mean of {len(told)} | | {means} |")
+    low, high = np.quantile(draws, [0.025, 0.975], axis=0)
+    for side, name in enumerate(("before", "now")):
+        means = " | ".join(
+            f"{told[:, side, one].mean():.2f} [{low[side, one]:.2f}, {high[side, one]:.2f}]" for one in range(3)
+        )
+        print(f"| mean of {len(told)}, {name} | | | {means} |")
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ LEAST_GAIN = 0.03
 """Smallest decrease, by one divider, of the mean robust squared residual of the depth."""
 LEAST_WRONG = 0.02
 """Smallest fraction of the rays that an empty vessel leaves unexplained: nearer than its inside shows."""
-COST = 0.001
+COST = 0.003
 """Complexity of one divider."""
 HEIGHTS = (1.0, 0.75)
 """Heights of the dividers that are tried, over that of the rim."""
@@ -120,7 +120,11 @@ def compartments(evidence: Evidence, vessel: Model, fitted: np.ndarray) -> tuple
     view = _View.of(evidence, fitted)
     if np.mean(view.seen < view.empty - DEPTH_CAP / 2 * evidence.ray_sigma) < LEAST_WRONG:
         return None
-    tried = [_search(view, np.array([*fitted, max(fitted[8], THINNEST_M), part * fitted[5]])) for part in HEIGHTS]
+    tried = [
+        _search(view, np.array([*fitted, max(fitted[8], THINNEST_M), part * fitted[5]]), axis)
+        for part in HEIGHTS
+        for axis in (0, 1)
+    ]
     partition, start, _ = max(tried, key=lambda found: found[2])
     count = len(partition.dividers)
     if not count:
@@ -175,13 +179,18 @@ class _View:
         return np.where((enter < leave) & (enter > 0), enter, np.inf)
 
 
-def _search(view: _View, start: np.ndarray) -> tuple[Partition, np.ndarray, float]:
-    """Add the divider that explains most of the depth until none explains enough: partition, parameters, gain."""
+def _search(view: _View, start: np.ndarray, first: int) -> tuple[Partition, np.ndarray, float]:
+    """Add the divider that explains most of the depth until none explains enough: partition, parameters, gain.
+
+    The first one is across axis `first`: where one compartment is divided again, the longest divider may not be first.
+    """
     partition, p, shown, total = Partition(), start, view.empty, 0.0
     while len(partition.dividers) < MOST:
         before = view.loss(shown)
         best, gain = None, LEAST_GAIN
         for number, axis, position in _places(partition, p):
+            if not partition.dividers and axis != first:
+                continue
             slab = partition.slab(p, Divider(axis, partition.cells[number]), position)
             after = np.minimum(shown, view.met(slab))
             better = float((before - view.loss(after)).mean())

@@ -24,10 +24,11 @@ LEAST_HEIGHT_M = 0.03
 """Smallest height of a plate above the support [m]."""
 BELOW = 0.75
 """Fraction of the height up to which the space below a plate is looked for."""
-LEAST_FREE = 0.05
+LEAST_FREE = 0.02
 """Smallest ratio of pixels seen through the space below the plate to pixels of the mask."""
-ROUND = 0.87
-"""Area of a plate over that of the smallest rectangle around it, below which it is round: a circle has 0.785."""
+ANGULAR, ROUND = 0.85, 0.97
+"""Area of a plate over that of the smallest rectangle around most of it, above which it may be a rectangle, and below
+which it may be round."""
 PLATE_M, LEG_M = 0.012, 0.015
 """Expected thickness of a plate and of a leg [m]."""
 THINNEST_M = 0.002
@@ -81,9 +82,16 @@ def legged(evidence: Evidence) -> list[tuple[Layout, Model]]:
         return []
     starts = _rectangles(evidence, top)
     outline = regions.convex_hull(top)
-    if regions.area(outline) > ROUND * starts[0][6] * starts[0][7]:
-        return [(layout := Layout(4, round=False), _rectangular(layout, evidence, starts))]
-    return [(layout := Layout(legs, round=True), _round(layout, evidence, outline)) for legs in (3, 4)]
+    part = regions.area(outline) / float(starts[0][6] * starts[0][7])
+    found = []
+    if part > ANGULAR:
+        layout = Layout(4, round=False)
+        found.append((layout, _rectangular(layout, evidence, starts)))
+    if part < ROUND:
+        found += [
+            (layout, _round(layout, evidence, outline)) for layout in (Layout(3, round=True), Layout(4, round=True))
+        ]
+    return found
 
 
 def free(evidence: Evidence, top: np.ndarray) -> float:

@@ -8,6 +8,7 @@ the footprints of the mask on level planes from the support to the top, intersec
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,11 +19,17 @@ from ..convex_parts import convex_parts
 from ..evidence import Evidence, step
 from ..refine import Model
 from .box import SMALLEST_M, upright
+from .hidden import completed
+
+if TYPE_CHECKING:
+    from manifold3d import CrossSection
 
 CELLS = 380
 """Cells along the longer side of the footprint, at most."""
 FINEST_M = 0.0007
 """Minimum size of a cell [m]."""
+SIDES = 40
+"""Facets of a round outline."""
 LEVELS = 7
 """Level planes on which the mask is laid."""
 LEVEL = 0.7
@@ -31,6 +38,8 @@ RIM_M = 0.012
 """Points within this depth below the highest points are on the top [m]."""
 LEAST_TOP = 0.15
 """Smallest fraction of the points on the top."""
+NEAR_M = 0.001
+"""Depth beyond the top, in addition to one standard deviation, at which the wall of an opening may begin [m]."""
 LEAST_OPENING_M2 = 4e-5
 """Smallest area of a hole or well [m^2]."""
 THIN_M, THIN = 0.02, 0.2
@@ -41,6 +50,10 @@ SHALLOW = 0.12
 """Height of a well's floor over that of the body below which it is taken for a hole."""
 SLACK_M = 0.0004
 """Tolerance of the outline's simplification, and of convex pieces [m]."""
+SMOOTH_PX = 0.6
+"""Standard deviation of the filter that smooths outlines [px]."""
+REGULAR_PX = 0.6
+"""Mean distance of an outline from a circle or rectangle below which it is taken for one [px]."""
 PIECES = 96
 """Maximum number of convex pieces."""
 
@@ -119,18 +132,23 @@ class _Grid:
         columns, rows = np.ceil((high - low) / cell).astype(int)
         return _Grid(evidence, low, cell, (int(rows), int(columns)), top)
 
+    @property
+    def pixel(self) -> float:
+        """Size of a pixel on the body [m]."""
+        return float(np.median(self.evidence.ray_depth)) / float(self.evidence.k[0, 0])
+
     def section(self) -> tuple[np.ndarray, list[tuple[np.ndarray, float]]]:
         """Cells (H, W) bool that are full up to the top, and every opening with the height of its floor [m]."""
         from scipy import ndimage
 
         evidence = self.evidence
         at, ahead = self._seen(self.top)
-        full = _at(evidence.mask, at)
+        behind = np.ones(self.shape, bool)
         for height in np.linspace(0.0, self.top, LEVELS)[:-1]:
-            full &= _at(evidence.mask | ~evidence.known, self._seen(float(height))[0])
-        full &= ~self._deeper(at, ahead)
+            behind &= _share(evidence.mask | ~evidence.known, self._seen(float(height))[0]) > 0.5
+        full = (_share(evidence.mask, at) > 0.5) & behind & ~self._deeper(at, ahead)
         full = ndimage.binary_opening(ndimage.binary_closing(full, iterations=1), iterations=1)
-        full = _large(full, LEAST_OPENING_M2 / self.cell**2)
+        full = completed(_large(full, LEAST_OPENING_M2 / self.cell**2), behind & _at(~evidence.known, at))
         closed = ndimage.binary_fill_holes(full)
         labels, count = ndimage.label(closed & ~full)
         openings = []
@@ -148,11 +166,12 @@ class _Grid:
         from scipy import ndimage
 
         fine = cv2.resize(np.pad(cells, 2).astype(np.float32), None, fx=2, fy=2, interpolation=cv2.INTER_LINEAR)
-        smooth = (ndimage.gaussian_filter(fine, 1.5) > 0.5).astype(np.uint8)
+        smooth = (ndimage.gaussian_filter(fine, 2.0 * SMOOTH_PX * self.pixel / self.cell) > 0.5).astype(np.uint8)
         contours, _ = cv2.findContours(smooth, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
         slack = max(2.0 * SLACK_M / self.cell, 0.8)
         rings = [cv2.approxPolyDP(contour, slack, True)[:, 0].astype(np.float64) for contour in contours]
-        return [self.low + ((ring + 0.5) / 2.0 - 2.0) * self.cell for ring in rings if len(ring) >= 3]
+        made = [self.low + ((ring + 0.5) / 2.0 - 2.0) * self.cell for ring in rings if len(ring) >= 3]
+        return [regular(ring, REGULAR_PX * self.pixel) for ring in made]
 
     def innermost(self, cells: np.ndarray) -> np.ndarray:
         """The point (2,) that is farthest from the border of a region of cells [m]."""
@@ -171,14 +190,20 @@ class _Grid:
         return pixels.reshape(*self.shape, 2), local[:, 2].reshape(self.shape)
 
     def _deeper(self, at: np.ndarray, ahead: np.ndarray) -> np.ndarray:
-        """Whether the picture shows something beyond the top of each cell; lost depth is that of the next pixel."""
+        """Whether the picture shows something beyond the top of each cell; lost depth is that of the next pixel.
+
+        The far wall of an opening begins at the top, so what is a little deeper counts beside what is surely deeper.
+        """
         from scipy import ndimage
 
         depth, mask = self.evidence.depth, self.evidence.mask
         lost = ~((depth > 0) & mask)
         nearest = ndimage.distance_transform_edt(lost, return_distances=False, return_indices=True)
-        filled = ndimage.median_filter(depth[nearest[0], nearest[1]], 3)
-        return _at(filled, at) > ahead + _at(step(self.evidence.sigma[nearest[0], nearest[1]]), at)
+        filled = ndimage.median_filter(depth[nearest[0], nearest[1]], 5)
+        sigma = self.evidence.sigma[nearest[0], nearest[1]]
+        beyond = _at(filled, at) - ahead
+        surely, likely = beyond > _at(step(sigma), at), beyond > NEAR_M + _at(sigma, at)
+        return np.asarray(ndimage.binary_propagation(surely, mask=likely))
 
     def _floor(self, opening: np.ndarray, at: np.ndarray) -> float:
         """Height of the floor of an opening [m]; 0 if the support is seen through it."""
@@ -186,7 +211,10 @@ class _Grid:
         pixels = np.round(at[opening]).astype(int)
         rows = np.clip(pixels[:, 1], 0, len(evidence.mask) - 1)
         columns = np.clip(pixels[:, 0], 0, evidence.mask.shape[1] - 1)
-        if (~evidence.mask[rows, columns]).mean() > BEYOND:
+        open_to_view = evidence.known[rows, columns]
+        if not open_to_view.any():
+            return 0.0 if self.top < THIN_M else 0.5 * self.top
+        if (~evidence.mask[rows, columns])[open_to_view].mean() > BEYOND:
             return 0.0
         within = np.zeros_like(evidence.mask)
         within[rows, columns] = True
@@ -214,6 +242,34 @@ def _stencil(grid: _Grid, full: np.ndarray, openings: list[tuple[np.ndarray, flo
     return Stencil(centred, tuple(wells), solids.union(parts)), middle
 
 
+def regular(ring: np.ndarray, slack_m: float) -> np.ndarray:
+    """The circle or the rectangle of an outline (P, 2) if it is within `slack_m` of one on average; else the outline.
+
+    Both have the area of the outline.
+    """
+    import cv2
+
+    given, size = _section(ring), abs(regions.area(ring))
+    turns = np.linspace(0.0, 2.0 * np.pi, SIDES, endpoint=False)
+    circle = regions.centroid(ring) + np.sqrt(size / np.pi) * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
+    box = cv2.boxPoints(cv2.minAreaRect(ring.astype(np.float32))).astype(np.float64)
+    middle = box.mean(axis=0)
+    box = middle + (box - middle) * np.sqrt(size / max(abs(regions.area(box)), 1e-12))
+    perimeter = float(np.linalg.norm(np.roll(ring, -1, axis=0) - ring, axis=1).sum())
+    off = {}
+    for number, other in enumerate((circle, box)):
+        section = _section(other)
+        off[number] = float((given - section).area() + (section - given).area()) / perimeter
+    best = min(off, key=lambda number: off[number])
+    return (circle, box)[best] if off[best] < slack_m else ring
+
+
+def _section(ring: np.ndarray) -> CrossSection:
+    import manifold3d as m3
+
+    return m3.CrossSection([ring], m3.FillRule.EvenOdd)
+
+
 def _around(rings: list[np.ndarray], point: np.ndarray) -> int | None:
     """The smallest ring around a point (2,)."""
     import cv2
@@ -230,6 +286,14 @@ def _at(values: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     within = (nearest >= 0).all(axis=-1) & (nearest[..., 0] < width) & (nearest[..., 1] < height)
     clipped = np.clip(nearest, 0, [width - 1, height - 1])
     return np.where(within, values[clipped[..., 1], clipped[..., 0]], np.zeros((), values.dtype))
+
+
+def _share(mask: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """Share (H, W) of a mask at positions (..., 2) (column, row), between pixels; 0 beyond the border."""
+    from scipy import ndimage
+
+    places = np.moveaxis(pixels[..., ::-1], -1, 0)
+    return np.asarray(ndimage.map_coordinates(mask.astype(np.float32), places, order=1, mode="constant"))
 
 
 def _large(cells: np.ndarray, least: float) -> np.ndarray:
