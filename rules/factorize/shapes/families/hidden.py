@@ -12,8 +12,8 @@ TURNS_DEG = tuple(range(-16, 17, 4))
 """Directions of the axis that are tried, from that of the longest extent."""
 SHIFTS = (-0.2, -0.15, -0.1, -0.05, 0.0, 0.05, 0.1, 0.15, 0.2)
 """Places of the axis that are tried: distance from the centre over the width of the seen cells."""
-FINE = 3
-"""Factor by which a second search of the axis is finer."""
+FINER = (1, 3, 9)
+"""Factors by which the searches of the axis are finer, each about the best one of that before."""
 GAPS = (2, 4, 8, 16, 32)
 """Half widths of hidden gaps between seen parts that are closed, in cells; the first that leaves one part is taken."""
 
@@ -38,7 +38,7 @@ def _mirrored(seen: np.ndarray, hidden: np.ndarray) -> np.ndarray:
     middle, width = 0.0, 2.0 * np.sqrt(3.0 * spread[0])
     best, along = (-1.0, np.zeros_like(seen)), float(np.arctan2(axes[1, 1], axes[0, 1]))
     turn = 0.0
-    for finer in (1, FINE):
+    for finer in FINER:
         around = (turn, middle)
         for more in np.deg2rad(TURNS_DEG) / finer:
             for shift in np.array(SHIFTS) * width / finer:
@@ -78,7 +78,7 @@ def _joined(seen: np.ndarray, hidden: np.ndarray) -> np.ndarray:
         return seen
     for gap in GAPS:
         padded = np.pad(seen, gap)
-        closed = ndimage.binary_closing(padded, iterations=gap)[gap:-gap, gap:-gap]
+        closed = ndimage.binary_closing(padded, np.ones((3, 3)), iterations=gap)[gap:-gap, gap:-gap]
         made = seen | (closed & hidden)
         if ndimage.label(made)[1] < 2:
             return np.asarray(made)

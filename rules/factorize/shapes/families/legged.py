@@ -102,7 +102,8 @@ def free(evidence: Evidence, top: np.ndarray) -> float:
         [raycast.Surface(under.vertices, under.faces)], evidence.k, evidence.world_from_camera, height, width
     )
     beyond = (evidence.depth > shown.depth + step(evidence.sigma)) & (shown.index >= 0)
-    return np.count_nonzero(beyond & ~evidence.mask & evidence.known) / max(np.count_nonzero(evidence.mask), 1)
+    through = np.count_nonzero(beyond & ~evidence.mask & evidence.known)
+    return float(through) / max(float(np.count_nonzero(evidence.mask)), 1.0)
 
 
 def _top(evidence: Evidence) -> np.ndarray | None:

@@ -12,6 +12,7 @@ from rules.factorize.contact import cavity
 from rules.factorize.shapes import evidence
 from rules.factorize.shapes.convex_parts import convex_parts
 from rules.factorize.shapes.families import compartments, legged, open_box, prism
+from rules.factorize.shapes.families.hidden import completed
 from tests import object_views
 from tests.rules.factorize import synthetic_views as synthetic
 from tests.rules.factorize.shapes.test_families import distance, shape_of
@@ -133,6 +134,50 @@ def test_a_prism_keeps_its_hole_and_the_floor_of_its_well():
     assert object_views.mesh(body).is_closed
     assert body.volume == pytest.approx(brick(0.015).volume, rel=0.12)
     assert covered(stencil.pieces(p)).volume() == pytest.approx(body.volume, rel=0.02)
+
+
+def tongs() -> np.ndarray:
+    """Cells (H, W) bool of two crossed bars with loops at one end, symmetric about their length."""
+    rows, columns = np.indices((100, 200))
+    made = np.zeros(rows.shape, bool)
+    for side in (-1, 1):
+        off = rows - 50 - side * 0.2 * (90 - columns)
+        made |= (np.abs(off) < 4) & (columns > 40) & (columns < 190)
+        out = np.hypot(rows - 50 - side * 16, columns - 28)
+        made |= (out < 15) & (out > 9)
+    return made
+
+
+def hide(whole: np.ndarray, where: tuple[slice, slice]) -> tuple[np.ndarray, np.ndarray]:
+    """What is left of cells, and the hidden ones, after something hides a part of the grid."""
+    hidden = np.zeros_like(whole)
+    hidden[where] = True
+    return whole & ~hidden, hidden
+
+
+def test_a_hidden_loop_is_the_mirror_image_of_the_other_one():
+    whole = tongs()
+    seen, hidden = hide(whole, np.s_[54:, :70])
+    made = completed(seen, hidden)
+    assert (made & ~hidden == seen & ~hidden).all(), "what is in view stays"
+    assert np.count_nonzero(made & whole & hidden) > 0.8 * np.count_nonzero(whole & hidden)
+    assert np.count_nonzero(made & ~whole) < 0.2 * np.count_nonzero(whole & hidden)
+
+
+def test_parts_on_both_sides_of_what_hides_a_body_are_joined():
+    whole = tongs()
+    seen, hidden = hide(whole, np.s_[:, 86:94])
+    assert regions.label(seen)[1] == 2
+    made = completed(seen, hidden)
+    assert regions.label(made)[1] == 1
+    assert np.count_nonzero(made & whole & hidden) > 0.8 * np.count_nonzero(whole & hidden)
+    assert np.count_nonzero(made & ~whole) < 0.2 * np.count_nonzero(whole & hidden)
+
+
+def test_without_symmetry_nothing_is_added_to_what_is_seen():
+    seen, hidden = np.zeros((60, 80), bool), np.zeros((60, 80), bool)
+    seen[10:20, 5:60], seen[20:50, 5:15], hidden[30:, 30:] = True, True, True
+    assert (completed(seen, hidden) == seen).all()
 
 
 def test_a_plain_box_is_no_prism():
