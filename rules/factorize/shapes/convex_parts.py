@@ -9,6 +9,9 @@ import numpy as np
 
 from dextera_build.geometry import regions
 
+SLIVER_M2 = 1e-6
+"""Area of a part below which it is left out [m^2]."""
+
 
 def convex_parts(rings: Sequence[np.ndarray], slack_m: float, most: int) -> list[np.ndarray]:
     """Convex polygons (P, 2), counter-clockwise, that cover the region that `rings` enclose an odd number of times.
@@ -34,7 +37,8 @@ def convex_parts(rings: Sequence[np.ndarray], slack_m: float, most: int) -> list
             near[index] = (near[index] - {other}) | {one}
         prices = {key: price for key, price in prices.items() if not set(pair) & set(key)}
         prices |= {key: _price(parts, key) for key in ((min(one, i), max(one, i)) for i in sorted(near[one]))}
-    return list(parts.values())
+    # Slivers have no volume that a simulator accepts.
+    return [part for part in parts.values() if regions.area(part) > SLIVER_M2]
 
 
 def _triangles(rings: Sequence[np.ndarray]) -> list[np.ndarray]:

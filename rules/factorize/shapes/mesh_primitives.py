@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from .mesh import MeshOptions
 
 BACKEND = Backend(
-    summary="boxes, vessels, revolved, lying, extruded, hinged and mirrored bodies, superquadrics, fitted to the view",
+    summary="boxes, vessels, plates on legs, prisms, revolved, lying, hinged and mirrored bodies, fitted to the view",
     profiles=("cpu",),
     packages=("manifold3d", "open3d", "opencv-python-headless", "scipy"),
     extra="twin",

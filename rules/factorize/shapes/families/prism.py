@@ -30,6 +30,8 @@ FINEST_M = 0.0007
 """Minimum size of a cell [m]."""
 SIDES = 40
 """Facets of a round outline."""
+MARGIN_M, HIDDEN = 0.01, 0.5
+"""Margin of the footprint around the seen points [m], and over their extent if something hides a part of the body."""
 LEVELS = 7
 """Level planes on which the mask is laid."""
 LEVEL = 0.7
@@ -127,7 +129,9 @@ class _Grid:
         top = float(np.median(points[level, 2]))
         if top < SMALLEST_M / 2:
             return None
-        low, high = points[:, :2].min(axis=0) - 0.01, points[:, :2].max(axis=0) + 0.01
+        low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+        margin = MARGIN_M if evidence.known.all() else max(MARGIN_M, HIDDEN * float((high - low).max()))
+        low, high = low - margin, high + margin
         cell = max(float((high - low).max()) / CELLS, FINEST_M)
         columns, rows = np.ceil((high - low) / cell).astype(int)
         return _Grid(evidence, low, cell, (int(rows), int(columns)), top)
