@@ -78,7 +78,7 @@ def _joined(seen: np.ndarray, hidden: np.ndarray) -> np.ndarray:
         return seen
     for gap in GAPS:
         padded = np.pad(seen, gap)
-        closed = ndimage.binary_closing(padded, np.ones((3, 3)), iterations=gap)[gap:-gap, gap:-gap]
+        closed = ndimage.binary_closing(padded, np.ones((3, 3), bool), iterations=gap)[gap:-gap, gap:-gap]
         made = seen | (closed & hidden)
         if ndimage.label(made)[1] < 2:
             return np.asarray(made)
