@@ -15,6 +15,7 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -67,7 +68,11 @@ def draw(name: str, thing: Thing, seed: int) -> Drawn:
 
 def things(recipe: str, meshes: Path, runner: RuleRunner) -> dict[str, Thing]:
     """The meshes of a recipe, as they stand."""
-    entries = catalogue.entries(recipe)
+    return things_of(catalogue.entries(recipe), meshes, runner)
+
+
+def things_of(entries: dict[str, dict[str, Any]], meshes: Path, runner: RuleRunner) -> dict[str, Thing]:
+    """The meshes of these entries of a recipe, as they stand."""
     files = {
         path: (meshes / path).read_bytes()
         for entry in entries.values()
@@ -92,7 +97,8 @@ def instance(runner: RuleRunner, drawn: Drawn) -> tuple[Instance, Support]:
     depth = Measurements(None, space, "")  # type: ignore[arg-type]
     depth.taken = True
     said = Said("thing", Traits(category="object", body_type="rigid", material="plastic"), "rgbd")
-    cut = Cutter(photograph, measured, support, depth).cut_out(drawn.labels, {"thing": said}, [], 24)
+    names = ("thing", *(f"before {number}" for number in range(2, int(drawn.labels.max()) + 1)))
+    cut = Cutter(photograph, measured, support, depth).cut_out(drawn.labels, dict.fromkeys(names, said), [], 24)
     return cut.items["thing"], support
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 HANDLED = ("revolved", "revolved_hollow", "cylinder", "tilted_revolved_hollow")
 """Families that may have a handle."""
-HOLLOW = ("revolved_hollow", "open_box", "tilted_revolved_hollow", "tilted_open_box")
+HOLLOW = ("revolved_hollow", "open_box", "compartments", "tilted_revolved_hollow", "tilted_open_box")
 HOVERING, HIDDEN_M = 5.0, 0.03
 """Cost of the distance between a body and the surface under it [1/m], up to this distance [m]: what it stands on may be
 hidden, as wheels are in the shadow of a bus. A body farther up stands on another one."""
@@ -52,6 +52,13 @@ def fitted_of(candidate: Candidate, evidence: Evidence, steps: int, tries: int =
     cost = HOVERING * hovers if hovers < HIDDEN_M else 0.0
     score = judge(body, evidence, candidate.model.cost).score - cost
     return Fitted(candidate, found.parameters, score, body.volume)
+
+
+def followed(found: Fitted, evidence: Evidence, steps: int) -> list[Fitted]:
+    """The body of another family that starts from a fitted one, if there is one; see `Candidate.following`."""
+    following = found.candidate.following
+    candidate = None if following is None else following(found.parameters)
+    return [] if candidate is None else [fitted_of(candidate, evidence, steps)]
 
 
 def _rival(best: Fitted, fitted: list[Fitted]) -> Rival | None:

@@ -12,7 +12,22 @@ from dextera_build.geometry.solids import Solid
 
 from . import wall_pieces
 from .evidence import Evidence
-from .families import box, extruded, lofted, lying, mirrored, open_box, panels, revolution, superquadric, tilted, turned
+from .families import (
+    box,
+    compartments,
+    extruded,
+    legged,
+    lofted,
+    lying,
+    mirrored,
+    open_box,
+    panels,
+    prism,
+    revolution,
+    superquadric,
+    tilted,
+    turned,
+)
 from .families.names import HYPOTHESES, TURNED, TURNED_PREFIX
 from .families.profile import FACETS, Layout
 from .refine import Model
@@ -50,6 +65,8 @@ class Candidate:
     """Parameter -> name of the length that the view may not determine."""
     finer: Callable[[np.ndarray], Candidate] | None = None
     """Makes the same body with more parameters, initialised with the fitted ones."""
+    following: Callable[[np.ndarray], Candidate | None] | None = None
+    """Makes a body of another family from the fitted parameters, if the view shows one; both are judged."""
     settled: Callable[[np.ndarray], Model] | None = None
     """Makes the body without parameters that only help the fit; its single start is refined last."""
 
@@ -67,11 +84,14 @@ def propose(evidence: Evidence, allowed: tuple[str, ...], wall_m: float) -> list
         "extruded": lambda: _extruded(evidence),
         "panels": lambda: _panels(evidence),
         "open_box": lambda: _open_box(evidence, wall_m),
+        "prism": lambda: _prism(evidence),
         "superquadric": lambda: _superquadric(evidence),
         "lying": lambda: _lying_profile(evidence),
         "mirrored": lambda: _mirrored(evidence),
     }
     made = [makers[name]() for name in HYPOTHESES if name in allowed and name in makers]
+    if "legged" in allowed:
+        made += [_legged(*found) for found in legged.legged(evidence)]
     made += [one for name in TURNED if TURNED_PREFIX + name in allowed for one in _turned(name, evidence, wall_m)]
     return [candidate for candidate in made if candidate is not None]
 
@@ -186,6 +206,41 @@ def _open_box(evidence: Evidence, wall_m: float) -> Candidate | None:
         outside = solids.loft(open_box.rings(p)[0])
         pose = box.upright(p[0], p[1], p[2])
         return Finished(open_box.open_box_body(p), pose, open_box.walls(p), hollow=True, outside=outside)
+
+    def following(p: np.ndarray) -> Candidate | None:
+        found = compartments.compartments(evidence, model, p)
+        return None if found is None else _compartments(*found)
+
+    return Candidate(model, finish, following=following)
+
+
+def _compartments(partition: compartments.Partition, model: Model) -> Candidate:
+    def finish(p: np.ndarray) -> Finished:
+        outside = solids.loft(open_box.rings(p[: compartments.OWN])[0])
+        pose = box.upright(p[0], p[1], p[2])
+        return Finished(partition.solid(p), pose, partition.pieces(p), hollow=True, outside=outside)
+
+    return Candidate(model, finish)
+
+
+def _legged(layout: legged.Layout, model: Model) -> Candidate:
+    def finish(p: np.ndarray) -> Finished:
+        pieces = layout.pieces(p)
+        walls = tuple(piece.vertices for piece in pieces)
+        return Finished(solids.union(pieces), box.upright(p[0], p[1], p[2]), walls)
+
+    return Candidate(model, finish)
+
+
+def _prism(evidence: Evidence) -> Candidate | None:
+    made = prism.prism(evidence)
+    if made is None:
+        return None
+    stencil, model = made
+
+    def finish(p: np.ndarray) -> Finished:
+        pose = box.upright(p[0], p[1], 0.0)
+        return Finished(stencil.body(p), pose, stencil.pieces(p), hollow=bool(stencil.wells))
 
     return Candidate(model, finish)
 

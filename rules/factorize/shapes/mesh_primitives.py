@@ -14,8 +14,8 @@ from dextera_build.rule import Backend, Context, Options
 
 from ..measured import Measurements
 from . import evidence as evidence_of
-from .families.names import GENERAL, HYPOTHESES
-from .fitted import Fitted, best_of, fitted_of, shape_of
+from .families.names import COMPARTMENTS, GENERAL, HYPOTHESES
+from .fitted import Fitted, best_of, fitted_of, followed, shape_of
 from .hypotheses import COSTS, propose
 from .scoring import BEST, judge
 from .shaped import lifted
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from .mesh import MeshOptions
 
 BACKEND = Backend(
-    summary="boxes, vessels, revolved, lying, extruded, hinged and mirrored bodies, superquadrics, fitted to the view",
+    summary="boxes, vessels, plates on legs, prisms, revolved, lying, hinged and mirrored bodies, fitted to the view",
     profiles=("cpu",),
     packages=("manifold3d", "open3d", "opencv-python-headless", "scipy"),
     extra="twin",
@@ -87,10 +87,11 @@ def _fits(ctx: Context, evidence: evidence_of.Evidence, options: PrimitivesOptio
             continue
         ctx.progress(done, len(names), name)
         try:
-            fitted += [
-                fitted_of(candidate, evidence, options.refine_steps)
-                for candidate in propose(evidence, (name,), options.wall_m)
-            ]
+            for candidate in propose(evidence, (name,), options.wall_m):
+                found = fitted_of(candidate, evidence, options.refine_steps)
+                fitted.append(found)
+                if COMPARTMENTS in names:
+                    fitted += followed(found, evidence, options.refine_steps)
         except (ArithmeticError, ValueError, IndexError, np.linalg.LinAlgError) as error:
             ctx.warn(f"{name} was not tried: {type(error).__name__}: {error}")
     return fitted

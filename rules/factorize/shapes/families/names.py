@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+COMPARTMENTS = "compartments"
+"""Vessels with dividers; tried where `open_box` is, from the vessel that it finds."""
 TURNED = ("revolved_hollow", "open_box")
 """Vessels that are also fitted lying and leaning."""
 TURNED_PREFIX = "tilted_"
@@ -19,6 +21,9 @@ HYPOTHESES = (
     "extruded",
     "panels",
     "open_box",
+    COMPARTMENTS,
+    "legged",
+    "prism",
     *GENERAL,
 )
 """All families, in the order in which they are tried."""
