@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from scipy.spatial.transform import Rotation
 
 from dextera_build.artifacts.cameras.calibration import Board, Calibration
 from dextera_build.artifacts.cameras.camera import Camera, Capture, Photograph
@@ -78,17 +77,6 @@ def test_a_camera_on_the_gripper_sees_a_chessboard(tmp_path: Path) -> None:
     found = RuleRunner(tmp_path).run("align.hand_eye", views=capture)
     assert found.observations() == 8
     assert (np.sort(spread(capture, found)) < [1.7, 1.8, 3.6]).all()
-
-
-@pytest.mark.slow
-def test_rotation_vectors_read_as_euler_angles_are_told(tmp_path: Path) -> None:
-    capture = views("franka_eye_in_hand", LARGER)
-    assert capture.effectors is not None
-    motions = [poses.to_matrix(row) for row in capture.effectors]
-    turns = [Rotation.from_euler("xyz", lie.rotation_vector(m[:3, :3])).as_matrix() for m in motions]
-    rows = [poses.from_matrix(transforms.rigid(turn, m[:3, 3])) for turn, m in zip(turns, motions, strict=True)]
-    with pytest.raises(RuleError, match="rotation vectors were read as Euler angles about fixed axes xyz"):
-        RuleRunner(tmp_path).run("align.hand_eye", views=capture.model_copy(update={"effectors": np.stack(rows)}))
 
 
 @pytest.mark.slow
