@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from dextera_build.api import Project
 from dextera_build.artifacts.cameras.calibration import Board, Calibration
 from dextera_build.artifacts.cameras.camera import Camera, Capture, Photograph
 from dextera_build.artifacts.cameras.image import Image as Picture
 from dextera_build.artifacts.robots.robot_views import RobotViews
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import RuleError
 from dextera_build.geometry import hand_eye, hand_eye_refine, lie, poses, transforms
 from dextera_build.testing import RuleRunner
@@ -83,3 +85,18 @@ def test_a_camera_on_the_gripper_sees_a_chessboard(tmp_path: Path) -> None:
 def test_the_size_that_is_stated_for_the_chessboard_contradicts_the_robot(tmp_path: Path) -> None:
     with pytest.raises(RuleError, match=r"the board is 1\.1\d\d times as large as stated"):
         RuleRunner(tmp_path).run("align.hand_eye", views=views("franka_eye_in_hand", CHESS))
+
+
+@pytest.mark.slow
+def test_the_recipe_reads_a_real_capture_as_it_is(tmp_path: Path) -> None:
+    folder = CAPTURES / "franka_eye_to_hand"
+    if not folder.is_dir():
+        pytest.skip("no capture franka_eye_to_hand")
+    project = Project.find(tmp_path, cache=str(tmp_path / "cache"))
+    built = project.build("capture/calibration", "calibration", "mount", inputs={"capture": str(folder)})
+    assert built.ok, built.errors
+    found, mount = built.artifact("calibration"), built.artifact("mount")
+    assert isinstance(found, Calibration)
+    assert isinstance(mount, Pose)
+    assert found.observations() == 8
+    assert np.allclose(mount.matrix, transforms.invert(found.pose.matrix))
