@@ -14,24 +14,13 @@ from tests.geometry import hand_eyes
 from tests.geometry.hand_eyes import Errors
 from tests.rules.align.calibration import boards
 
-RECIPE = """\
-summary: a camera next to a robot
-inputs:
-  before: {default: before}
-  after: {default: after}
-nodes:
-  views: {rule: capture.robot_views, folder: $before}
-  calibration: {rule: align.hand_eye, views: $views}
-  new: {rule: capture.robot_views, folder: $after}
-  moved: {rule: align.camera_motion, views: $new, calibration: $calibration}
-"""
+ASKED = ("--input", "capture=before", "--input", "now=after")
 
 
 @pytest.fixture(scope="module")
 def space(tmp_path_factory: pytest.TempPathFactory) -> Space:
     space = Space(tmp_path_factory.mktemp("cell"))
     space.write("dxb.toml", "")
-    space.write("recipes/cell.yaml", RECIPE)
     return space
 
 
@@ -62,22 +51,22 @@ def written(space: Space, name: str, rows: slice, now: np.ndarray) -> None:
 def test_the_exit_code_says_whether_the_camera_moved(space: Space) -> None:
     written(space, "before", slice(0, 9), np.eye(4))
     written(space, "after", slice(9, 12), np.eye(4))
-    still = space.dxb("check", "calibration", "cell:moved")
+    still = space.dxb("check", "calibration", "capture/camera_moved:moved", *ASKED)
     assert (still.code, "unmoved" in still.out) == (0, True), still.err
     away = transforms.rigid(lie.rotation(np.array([0.0, 0.0175, 0.0])), np.array([0.02, 0.0, 0.0]))
     written(space, "after", slice(9, 12), away)
-    moved = space.dxb("check", "calibration", "cell:moved", "--json")
+    moved = space.dxb("check", "calibration", "capture/camera_moved:moved", *ASKED, "--json")
     assert (moved.code, moved.rows[0]["moved"], "moved: the board is" in moved.out) == (1, True, True), moved.err
-    unsure = space.dxb("check", "calibration", "cell:moved", "--set", "moved.notable_m=0.00001")
+    unsure = space.dxb("check", "calibration", "capture/camera_moved:moved", *ASKED, "--set", "moved.notable_m=0.00001")
     assert unsure.code == 1  # what is sure to have moved is not unsure
     written(space, "after", slice(9, 12), np.eye(4))
-    unsure = space.dxb("check", "calibration", "cell:moved", "--set", "moved.notable_m=0.00001")
+    unsure = space.dxb("check", "calibration", "capture/camera_moved:moved", *ASKED, "--set", "moved.notable_m=0.00001")
     assert (unsure.code, "unsure" in unsure.out) == (3, True), unsure.err
 
 
 @pytest.mark.slow
 def test_a_node_of_another_rule_is_refused(space: Space) -> None:
-    answer = space.dxb("check", "calibration", "cell:views")
+    answer = space.dxb("check", "calibration", "capture/camera_moved:views", *ASKED)
     assert answer.code == 2
     assert "detects no motion" in answer.err
     assert space.dxb("check", "calibration").code == 2

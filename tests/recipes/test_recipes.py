@@ -60,6 +60,7 @@ INPUTS = {
         "cell": "task/kl/lift_mustard_bottle:cell",
     },
     "capture/cameras": {"robot": "robot/kuka_leap"},
+    "capture/recorded_calibration": {"robot": "robot/kuka_leap"},
     "reference/calibrated": {
         "robot": "robot/kuka_leap",
         "calibration_views": "reference/laptop_scene:calibration_views",

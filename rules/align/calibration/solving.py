@@ -16,7 +16,7 @@ from dextera_build.geometry.hand_eye import Setup, View
 from dextera_build.geometry.hand_eye_checks import Checked
 from dextera_build.rule import Context
 
-from . import diagnosis
+from . import diagnosis, residuals
 from .sighting import Picture
 
 if TYPE_CHECKING:
@@ -44,11 +44,7 @@ def solve(
     if middle[0] > common.most_residual_m or np.degrees(middle[1]) > common.most_residual_deg:
         diagnosis.explain(ctx, given, setup, Checked(first, views, [], []), common)
     found = hand_eye_checks.checked(views, setup, first.solution, common.least_views, common.most_bad)
-    distance, angle = residual(found, setup)
-    fits = distance <= common.most_residual_m and np.degrees(angle) <= common.most_residual_deg
-    # Two distant markers place a board no better than to a decimetre: if the other pictures predict the corners of each
-    # picture, its large residual is no contradiction.
-    fits |= bool(found.left) and max(one.off_px for one in found.left) < hand_eye_checks.NOTABLE_PX
+    fits = residuals.fits(found, setup, common)
     size, sigma = hand_eye_checks.board_scale(found.views, setup, found.refined) if fits else (1.0, 0.0)
     wrong_size = abs(size - 1) > max(SURE_SIGMAS * sigma, common.board_size_fraction)
     if not fits:
@@ -69,12 +65,6 @@ def solve(
         hint="add pictures with the board nearer to the camera, and with more rotation about all axes",
     )
     return found
-
-
-def residual(found: Checked, setup: Setup) -> tuple[float, float]:
-    """Root mean square of the chain's residuals over the views: translation [m], rotation [rad]."""
-    each = np.array([hand_eye_refine.closing(view, setup, found.refined.solution) for view in found.views])
-    return tuple(np.sqrt((each**2).mean(axis=0)).tolist())
 
 
 def calibration(found: Checked, setup: Setup, frame: str, camera: Camera, board: Board) -> Calibration:
@@ -155,11 +145,14 @@ def _check_motion(ctx: Context, views: list[View], setup: Setup, common: HandEye
     message = (
         "the effector hardly turns between the pictures" if still else "the effector turns about one axis only"
     ) + ", which leaves the camera's place open"
+    unit = still and diagnosis.too_small(views, setup)
     ctx.fail(
-        message,
+        message + (f": {diagnosis.IN_DEGREES}" if unit else ""),
         **{"rotation by axis": ", ".join(f"{each:.1f}" for each in degrees) + " deg"},
         **({} if still else {"axis": f"{about} of the effector"}),
         views=listing([view.name for view in views]),
-        hint="add pictures in which the effector is turned by 20 to 40 deg about "
+        hint=diagnosis.UNIT
+        if unit
+        else "add pictures in which the effector is turned by 20 to 40 deg about "
         + ("two or more axes" if still else "axes across that one"),
     )

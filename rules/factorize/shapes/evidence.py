@@ -207,29 +207,32 @@ def standing_height(mask: np.ndarray, depth: np.ndarray, k: np.ndarray, pose: np
 
     Along the lower border of the mask, an object on top of another touches the surface seen below it; an occluded
     object is behind that surface. A level surface gives its height directly; an edge gives only that of the object
-    above it.
+    above it. Where something nearer and higher begins just below all of the border, what carries it is hidden.
     """
     columns = np.flatnonzero((mask & (depth > 0)).any(axis=0))
     if len(columns) < 8:
         return 0.0
     lowest = len(mask) - 1 - np.argmax(mask[::-1, columns], axis=0)
-    height, rise, touching, told = np.full(len(columns), np.nan), np.full(len(columns), np.nan), 0, 0
+    height, rise, touching, told, asked = np.full(len(columns), np.nan), np.full(len(columns), np.nan), 0, 0, 0
     ground = np.full(len(columns), np.nan)
     heights = transforms.apply(pose, cameras.backproject(depth, k))[..., 2]
     for i, (column, row) in enumerate(zip(columns, lowest, strict=True)):
         above, below = np.s_[max(row - 6, 0) : row - 1, column], np.s_[row + 3 : row + 7, column]
         if not ((depth[above] > 0).any() and (depth[below] > 0).any()):
             continue
-        told += 1
         (top, seen_top), (under, seen_under) = (_middle(depth[at], heights[at]) for at in (above, below))
+        before = np.s_[row + 9 : row + 13, column]
+        near, seen_near = _middle(depth[before], heights[before]) if (depth[before] > 0).any() else (0.0, np.nan)
+        # Hidden from here on: the strip below may be the object's own foot, mixed with what hides it.
+        told += not (near < under - CONTACT_M and seen_near > seen_top + LIFTED_M)
+        asked += 1
         if abs(top - under) < CONTACT_M and seen_under > 0.6 * LIFTED_M:
             touching += 1
             height[i] = seen_top
-            before = np.s_[row + 9 : row + 13, column]
-            if (depth[before] > 0).any():
+            if near:
                 ground[i] = seen_under
-                rise[i] = (seen_under - _middle(depth[before], heights[before])[1]) / (6 * under / k[1, 1])
-    if told < 8 or touching < 0.6 * told:
+                rise[i] = (seen_under - seen_near) / (6 * under / k[1, 1])
+    if told < 8 or touching < 0.6 * asked:
         return 0.0
     level = np.isfinite(ground).sum() >= 8 and abs(float(np.nanmedian(rise))) < STEEPEST
     base = float(np.nanmedian(ground)) if level else float(np.nanquantile(height, 0.1))

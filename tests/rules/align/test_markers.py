@@ -31,12 +31,13 @@ def taken(degrees: float, *sheets: tuple[int, float, float]) -> Tabletop:
     shot = tabletops.tabletop(BOX, eye=eye, lens=tabletops.FINE, seed=int(degrees))
     rgb = shot.capture.photograph.rgb.pixels.copy()
     for number, x, y in sheets:
-        _print(rgb, shot, number, (x, y))
+        printed(rgb, shot, number, (x, y))
     photograph = shot.capture.photograph.model_copy(update={"rgb": Image(pixels=rgb)})
     return Tabletop(shot.capture.model_copy(update={"photograph": photograph}), shot.labels, eye)
 
 
-def _print(rgb: np.ndarray, shot: Tabletop, number: int, place: tuple[float, float]) -> None:
+def printed(rgb: np.ndarray, shot: Tabletop, number: int, place: tuple[float, float]) -> None:
+    """Draw a marker (number) on its paper, flat on the table with its middle at `place` [m], into the picture."""
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
     border = round(210 * (PAPER_M / INK_M - 1) / 2)
     paper = np.pad(cv2.aruco.generateImageMarker(dictionary, number, 210), border, constant_values=255)

@@ -111,6 +111,31 @@ def test_the_board_holds_eight_pictures(backend: ModuleType, twin: Scene, tmp_pa
     assert context.outcome.previews
 
 
+def test_outlines_say_which_objects_are_held(twin: Scene, tmp_path: Path) -> None:
+    owner = np.full((240, 320), -1, np.int32)
+    owner[60:120, 20:120], owner[60:120, 180:300] = 0, 1
+    grey, _, sides = overlay_stub.render(Context(scratch=tmp_path), twin, Options())
+
+    class Seen:
+        @staticmethod
+        def render(
+            ctx: Context, scene: Scene, options: Options
+        ) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+            return grey, owner, sides
+
+    held = twin.model_copy(update={"bodies": ("box",), "held": {"laptop": "it leans on box"}})
+    photograph = factories.capture(LENS, TABLE).photograph
+    context = Context(backend=Seen, scratch=tmp_path)
+    found = overlay(context, photograph, held, options=OverlayOptions(blend=0.5)).pixels
+    named, bare = (
+        panels.board(photograph.rgb.pixels, grey, owner, names, 0.5, sides)
+        for names in (("box", "laptop (held)"), ("box", "laptop"))
+    )
+    assert np.array_equal(found, named)
+    assert not np.array_equal(found, bare)
+    assert context.outcome.line.startswith("2 of 2 objects in view")
+
+
 def test_outlines_follow_the_mask_and_leave_the_rest() -> None:
     photo = np.full((60, 80, 3), 100, np.uint8)
     owner = np.full((60, 80), -1, np.int32)

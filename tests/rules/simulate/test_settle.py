@@ -52,6 +52,26 @@ def test_a_scene_of_unknown_scale_says_so(tmp_path: Path) -> None:
     assert context.outcome.line.startswith("settles, scale unknown, drift")
 
 
+def test_held_bodies_are_counted_with_their_reasons(tmp_path: Path) -> None:
+    assets = {f"box_{number}": factories.box_asset(factories.pose(0.15 * number - 0.2)) for number in range(4)}
+    held = {"mug": "nothing carries it: it would fall by 412 mm", "tin": "it is 9 mm inside mug"}
+    twin = placed(tmp_path, **assets).model_copy(update={"held": held})
+    report, context = judge(twin, tmp_path, settle_stub)
+    assert report.passed
+    assert context.outcome.line == (
+        "4 of 6 stand free, 2 held: mug (nothing carries it: it would fall by 412 mm), tin (it is 9 mm inside mug), "
+        "drift 0.0 mm, penetration 0.0 mm"
+    )
+
+
+def test_a_scene_with_held_bodies_says_as_well_which_of_the_others_do_not_rest(tmp_path: Path) -> None:
+    beside = factories.box_asset(factories.pose(0.9))
+    twin = placed(tmp_path, box=factories.box_asset(), lost=beside).model_copy(update={"held": {"mug": "it leans"}})
+    report, context = judge(twin, tmp_path)
+    assert not report.passed
+    assert context.outcome.line.startswith("2 of 3 stand free, 1 held: mug (it leans); does not rest: lost, drift")
+
+
 def test_what_falls_is_named_and_the_report_is_still_made(tmp_path: Path) -> None:
     beside = factories.box_asset(factories.pose(0.9))
     report, context = judge(placed(tmp_path, box=factories.box_asset(), lost=beside), tmp_path)

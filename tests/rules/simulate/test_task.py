@@ -128,6 +128,20 @@ def test_a_twin_of_unknown_scale_is_refused(make):
     )
 
 
+def test_an_object_that_is_held_is_refused_with_the_reason(make):
+    twin = make.scene.model_copy(
+        update={
+            "bodies": tuple(name for name in make.scene.bodies if name != "blue_box"),
+            "held": {"blue_box": "nothing carries it: it would fall by 47 mm"},
+        }
+    )
+    with pytest.raises(RuleError) as caught:
+        make(LIFT, scene=twin)
+    assert caught.value.message == "`blue_box` cannot be moved: it is held as a part of the static scene"
+    assert caught.value.facts == {"why": "nothing carries it: it would fall by 47 mm", "free": "bowl, laptop"}
+    assert caught.value.hint == "see the warnings of `simulate.steady`, and correct its mask or shape"
+
+
 @pytest.mark.parametrize(
     ("options", "message", "facts", "hint"),
     [

@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from scipy.spatial.transform import Rotation
 
+from dextera_build.api import Project
 from dextera_build.artifacts.cameras.calibration import Board, Calibration
 from dextera_build.artifacts.cameras.camera import Camera, Capture, Photograph
 from dextera_build.artifacts.cameras.image import Image as Picture
 from dextera_build.artifacts.robots.robot_views import RobotViews
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import RuleError
 from dextera_build.geometry import hand_eye, hand_eye_refine, lie, poses, transforms
 from dextera_build.testing import RuleRunner
@@ -81,17 +82,21 @@ def test_a_camera_on_the_gripper_sees_a_chessboard(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_rotation_vectors_read_as_euler_angles_are_told(tmp_path: Path) -> None:
-    capture = views("franka_eye_in_hand", LARGER)
-    assert capture.effectors is not None
-    motions = [poses.to_matrix(row) for row in capture.effectors]
-    turns = [Rotation.from_euler("xyz", lie.rotation_vector(m[:3, :3])).as_matrix() for m in motions]
-    rows = [poses.from_matrix(transforms.rigid(turn, m[:3, 3])) for turn, m in zip(turns, motions, strict=True)]
-    with pytest.raises(RuleError, match="rotation vectors were read as Euler angles about fixed axes xyz"):
-        RuleRunner(tmp_path).run("align.hand_eye", views=capture.model_copy(update={"effectors": np.stack(rows)}))
-
-
-@pytest.mark.slow
 def test_the_size_that_is_stated_for_the_chessboard_contradicts_the_robot(tmp_path: Path) -> None:
     with pytest.raises(RuleError, match=r"the board is 1\.1\d\d times as large as stated"):
         RuleRunner(tmp_path).run("align.hand_eye", views=views("franka_eye_in_hand", CHESS))
+
+
+@pytest.mark.slow
+def test_the_recipe_reads_a_real_capture_as_it_is(tmp_path: Path) -> None:
+    folder = CAPTURES / "franka_eye_to_hand"
+    if not folder.is_dir():
+        pytest.skip("no capture franka_eye_to_hand")
+    project = Project.find(tmp_path, cache=str(tmp_path / "cache"))
+    built = project.build("capture/calibration", "calibration", "mount", inputs={"capture": str(folder)})
+    assert built.ok, built.errors
+    found, mount = built.artifact("calibration"), built.artifact("mount")
+    assert isinstance(found, Calibration)
+    assert isinstance(mount, Pose)
+    assert found.observations() == 8
+    assert np.allclose(mount.matrix, transforms.invert(found.pose.matrix))
