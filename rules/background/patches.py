@@ -7,6 +7,7 @@ import numpy as np
 
 from dextera_build.geometry import cameras, planes, regions
 
+from .corners import met
 from .flats import flats
 from .layers import coloured_like
 from .patch import SUPPORT, Patch
@@ -85,6 +86,7 @@ def divide(
     large = np.isin(measured, [n for n in found if n != SUPPORT and (measured == n).sum() >= FLAT * measured.size])
     if large.any():
         labels = np.where(taken & (labels == 0), _nearest(measured, large), labels).astype(np.int32)
+    labels = met(labels, taken, measured, points, found, k)
     return labels, [_patch(number, flat, labels, measured, soft) for number, flat in found.items()]
 
 

@@ -38,7 +38,9 @@ def one_picture(pieces: Sequence[Piece], picture: np.ndarray) -> Mesh:
     )
     pixel = np.concatenate([np.zeros((0, 2)), *(piece.pixel for piece in pieces)])
     height, width = picture.shape[:2]
-    uv = np.stack([(pixel[:, 0] + 0.5) / width, 1.0 - (pixel[:, 1] + 0.5) / height], axis=1).clip(0.0, 1.0)
+    # Renderers repeat textures: beyond the centre of a pixel at the border, they mix the opposite one in.
+    pixel = pixel.clip(0.0, [width - 1.0, height - 1.0])
+    uv = np.stack([(pixel[:, 0] + 0.5) / width, 1.0 - (pixel[:, 1] + 0.5) / height], axis=1)
     return Mesh(
         vertices=vertices.astype(np.float32),
         faces=faces.astype(np.int32),
