@@ -10,6 +10,9 @@ import numpy as np
 from dextera_build.artifacts.cameras.image import Image
 from dextera_build.artifacts.shapes.mesh import Mesh
 
+BORDER_PX = 2.0
+"""Width of the border of a picture in which the surface has the colour of the pixels beside it [px]."""
+
 
 @dataclass(frozen=True)
 class Piece:
@@ -38,8 +41,8 @@ def one_picture(pieces: Sequence[Piece], picture: np.ndarray) -> Mesh:
     )
     pixel = np.concatenate([np.zeros((0, 2)), *(piece.pixel for piece in pieces)])
     height, width = picture.shape[:2]
-    # Renderers repeat textures: beyond the centre of a pixel at the border, they mix the opposite one in.
-    pixel = pixel.clip(0.0, [width - 1.0, height - 1.0])
+    # Renderers repeat textures, and average them for views from afar: near the border, they mix the opposite one in.
+    pixel = pixel.clip(BORDER_PX, [width - 1.0 - BORDER_PX, height - 1.0 - BORDER_PX])
     uv = np.stack([(pixel[:, 0] + 0.5) / width, 1.0 - (pixel[:, 1] + 0.5) / height], axis=1)
     return Mesh(
         vertices=vertices.astype(np.float32),

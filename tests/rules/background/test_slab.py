@@ -34,6 +34,7 @@ def test_the_border_of_a_texture_does_not_mix_in_the_opposite_one() -> None:
         [Piece(corners, np.array([[0, 1, 2]]), pixel, np.zeros((20, 40, 3), np.uint8))], np.zeros((20, 40, 3), np.uint8)
     )
     assert mesh.uv is not None
-    texel = np.array([0.5 / 40, 0.5 / 20])
+    # In a picture at a quarter of its size, too.
+    texel = np.array([2.0 / 40, 2.0 / 20])
     assert (mesh.uv >= texel - 1e-6).all()
     assert (mesh.uv <= 1 - texel + 1e-6).all()
