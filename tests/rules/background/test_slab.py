@@ -35,6 +35,6 @@ def test_the_border_of_a_texture_does_not_mix_in_the_opposite_one() -> None:
     )
     assert mesh.uv is not None
     # In a picture at a quarter of its size, too.
-    texel = np.array([2.0 / 40, 2.0 / 20])
+    texel = np.array([4.0 / 48, 4.0 / 28])
     assert (mesh.uv >= texel - 1e-6).all()
     assert (mesh.uv <= 1 - texel + 1e-6).all()
