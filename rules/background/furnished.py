@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
 
 from dextera_build.artifacts.cameras.camera import Camera, Photograph
@@ -14,13 +15,14 @@ from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.geometry import cameras, regions, transforms
 
 from .boxes import support_box
+from .ends import BEHIND_M
 from .fixtures import room_boxes, support_boxes, thing_boxes
 from .front import front
 from .hidden import continued
 from .layers import Layers
 from .outline import broad, outline
 from .patch import SUPPORT, Patch
-from .patches import divide
+from .patches import divide, nearest
 from .pieces import atlas, one_picture
 from .scenery import Scenery
 from .shell import enclose, shell
@@ -29,6 +31,8 @@ from .slab import slab
 if TYPE_CHECKING:
     from .static import StaticOptions
 
+RIM = 0.006
+"""Width of the support's rim beyond its outline, which is known to a few pixels, as a fraction of the picture's."""
 FOOT_M = 0.03
 """A thing stands on the support if the lowest visible points of it are within this of its plane [m]."""
 
@@ -69,6 +73,31 @@ def survey(
     plane = pose[2, :3], float(pose[2, 3])
     labels, patches = divide(pixels, depth, k, broad(behind), plane, taken, beyond, step_m)
     return Scenery(pixels, labels, patches, k, pose)
+
+
+def trimmed(scenery: Scenery, layers: Layers, support: Support) -> tuple[Scenery, np.ndarray]:
+    """The scenery without a rim of filled support beyond its outline, and the rim's pixels (H, W).
+
+    They go to a plane farther away next to them, because on it, the colours of the support would be a line.
+    """
+    inside = _inside(layers, outline(scenery, support.polygon, layers.hole))
+    own = scenery.labels == SUPPORT
+    side = 2 * max(2, round(RIM * own.shape[1])) + 1
+    near = cv2.dilate((own & inside).astype(np.uint8), np.ones((side, side), np.uint8)) > 0
+    flat = np.isin(scenery.labels, [p.number for p in scenery.patches if p.plane is not None and p.number != SUPPORT])
+    beside = cv2.dilate(flat.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
+    rim = own & ~inside & layers.hole & near & beside
+    if not rim.any():
+        return scenery, rim
+    wider = replace(scenery, labels=np.where(rim, nearest(scenery.labels, flat), scenery.labels))
+    rim &= wider.depth > layers.plane + BEHIND_M
+    return replace(scenery, labels=np.where(rim, wider.labels, scenery.labels)), rim
+
+
+def _inside(layers: Layers, edge: np.ndarray) -> np.ndarray:
+    """Pixels (H, W) whose ray meets the support inside its outline (P, 2), or where it goes on behind holes."""
+    inside = np.isfinite(layers.plane) & regions.inside_convex(layers.floor, edge)
+    return np.asarray(inside | (layers.beyond & ~layers.behind))
 
 
 def seen_of(mask: np.ndarray, depth: np.ndarray, camera: Camera, support: Support) -> np.ndarray:
@@ -114,8 +143,7 @@ def furnished(
     """
     edge = outline(scenery, support.polygon, layers.hole)
     box = support_box(edge, common.margin_m, common.thickness_m)
-    inside = np.isfinite(layers.plane) & regions.inside_convex(layers.floor, edge)
-    inside |= layers.beyond & ~layers.behind
+    inside = _inside(layers, edge)
     seen = scenery.points_of(SUPPORT)
     # Other pixels classified as support beyond its outline belong to the room, at any depth.
     scenery = replace(scenery, labels=np.where((scenery.labels == SUPPORT) & ~inside, 0, scenery.labels))

@@ -74,6 +74,8 @@ def split(photograph: Photograph, depth: np.ndarray, support: Support, hole: np.
     alike = _wide(outside & _joined(photograph.rgb.pixels, level & around, far & ~elsewhere & ~hole))
     points = np.concatenate([outline, floor[alike][:: max(1, int(alike.sum()) // 20_000)]])
     beyond = hole & far & (_nearer(alike, outside & ~alike) | regions.inside_convex(floor, _outline(points)))
+    # A hole beside which nothing of the continuation is visible tells of none.
+    beyond &= _reached(hole, alike)
     # Where another surface was measured nearby, the support is seen to end.
     beyond &= _nearer(level, _wide(elsewhere))
     return Layers(hole, plane, floor, level, elsewhere, behind, np.asarray(beyond))
@@ -128,8 +130,13 @@ def _outline(points: np.ndarray) -> np.ndarray:
 
 def _wide(mask: np.ndarray) -> np.ndarray:
     """The mask without strips narrow in the image: depth is missing along every edge."""
-    side = max(3, mask.shape[1] // 40)
+    side = _side(mask.shape[1])
     return np.asarray(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((side, side), np.uint8)) > 0)
+
+
+def _side(width: int) -> int:
+    """Width below which a strip is narrow [px]."""
+    return max(3, width // 40)
 
 
 def coloured_like(pixels: np.ndarray, level: np.ndarray, most: float = SAME_COLOUR) -> np.ndarray:
@@ -164,6 +171,15 @@ def plain_colour(pixels: np.ndarray, level: np.ndarray) -> np.ndarray | None:
 def _small(pixels: np.ndarray) -> np.ndarray:
     size = (max(1, pixels.shape[1] // 4), max(1, pixels.shape[0] // 4))
     return np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.float32)
+
+
+def _reached(mask: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """The parts (H, W) of a mask next to which there is some of `other`."""
+    _, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
+    kept = np.zeros(int(labels.max()) + 1, bool)
+    side = 2 * _side(mask.shape[1]) + 1
+    kept[labels[cv2.dilate(other.astype(np.uint8), np.ones((side, side), np.uint8)) > 0]] = True
+    return np.asarray(mask & kept[labels])
 
 
 def _nearer(first: np.ndarray, second: np.ndarray) -> np.ndarray:

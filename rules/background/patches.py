@@ -7,6 +7,7 @@ import numpy as np
 
 from dextera_build.geometry import cameras, planes, regions
 
+from .corners import met
 from .flats import flats
 from .layers import coloured_like
 from .patch import SUPPORT, Patch
@@ -84,7 +85,8 @@ def divide(
     labels = np.where(beyond & (labels == 0), SUPPORT, labels).astype(np.int32)
     large = np.isin(measured, [n for n in found if n != SUPPORT and (measured == n).sum() >= FLAT * measured.size])
     if large.any():
-        labels = np.where(taken & (labels == 0), _nearest(measured, large), labels).astype(np.int32)
+        labels = np.where(taken & (labels == 0), nearest(measured, large), labels).astype(np.int32)
+    labels = met(labels, taken, measured, points, found, k)
     return labels, [_patch(number, flat, labels, measured, soft) for number, flat in found.items()]
 
 
@@ -152,11 +154,11 @@ def _without_void(labels: np.ndarray, measured: np.ndarray, walls: np.ndarray) -
     far = (away > 2 * radius[labels]) & (labels != SUPPORT)
     if not walls.any():
         return np.where((wide | far) & (away > 2 * BLUR), 0, labels).astype(np.int32)
-    wall = np.where(_away(walls) <= GAP, _nearest(measured, walls), 0)
+    wall = np.where(_away(walls) <= GAP, nearest(measured, walls), 0)
     return np.where(away <= 2 * BLUR, labels, np.where(wide, 0, np.where(far, wall, labels))).astype(np.int32)
 
 
-def _nearest(labels: np.ndarray, where: np.ndarray) -> np.ndarray:
+def nearest(labels: np.ndarray, where: np.ndarray) -> np.ndarray:
     """The label (H, W) of the nearest pixel of `where` (H, W)."""
     _, nearest = cv2.distanceTransformWithLabels(
         (~where).astype(np.uint8), cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL

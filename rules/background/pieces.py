@@ -10,6 +10,9 @@ import numpy as np
 from dextera_build.artifacts.cameras.image import Image
 from dextera_build.artifacts.shapes.mesh import Mesh
 
+BORDER_PX = 4
+"""Width of a border of copied pixels around a texture [px]."""
+
 
 @dataclass(frozen=True)
 class Piece:
@@ -38,13 +41,22 @@ def one_picture(pieces: Sequence[Piece], picture: np.ndarray) -> Mesh:
     )
     pixel = np.concatenate([np.zeros((0, 2)), *(piece.pixel for piece in pieces)])
     height, width = picture.shape[:2]
-    uv = np.stack([(pixel[:, 0] + 0.5) / width, 1.0 - (pixel[:, 1] + 0.5) / height], axis=1).clip(0.0, 1.0)
+    pixel = pixel.clip(-0.5, [width - 0.5, height - 0.5]) + BORDER_PX + 0.5
+    uv = np.stack([pixel[:, 0] / (width + 2 * BORDER_PX), 1.0 - pixel[:, 1] / (height + 2 * BORDER_PX)], axis=1)
     return Mesh(
         vertices=vertices.astype(np.float32),
         faces=faces.astype(np.int32),
         uv=uv[faces].astype(np.float32).reshape(-1, 3, 2),
-        texture=Image(pixels=picture),
+        texture=Image(pixels=bordered(picture)),
     )
+
+
+def bordered(picture: np.ndarray) -> np.ndarray:
+    """A picture (h, w, 3) as a texture, with a border of copied pixels.
+
+    Renderers repeat textures, and average them for views from afar: near the border, they mix the opposite one in.
+    """
+    return np.pad(picture, ((BORDER_PX, BORDER_PX), (BORDER_PX, BORDER_PX), (0, 0)), mode="edge")
 
 
 def atlas(pieces: Sequence[Piece]) -> Mesh:

@@ -14,6 +14,11 @@ UNDER_M = 0.001
 """Distance of the slab's top below the photographed surface [m]."""
 RIM = 15
 """Width of a square around each source texel that must be entirely support [texels]."""
+EDGE = 2
+"""Width of the strip along the border of what is visible whose colour goes on: lenses darken the picture's border
+steeply, and a mean over more of it differs from the colour at the border [texels]."""
+LEAST_EDGE = 100
+"""Minimum number of texels of this strip."""
 ALONG = 24
 """Number of points per side that are tested."""
 LEVELS = 8
@@ -84,10 +89,13 @@ def _continued(colour: np.ndarray, shown: np.ndarray) -> np.ndarray:
     own = shown & shaded(colour.astype(np.uint8), shown, ~shown)
     inner = cv2.erode(own.astype(np.uint8), np.ones((RIM, RIM), np.uint8), borderValue=1) > 0
     source = inner if inner.sum() >= 500 else own
+    side = 2 * EDGE + 1
+    edge = own & (cv2.dilate((~shown).astype(np.uint8), np.ones((side, side), np.uint8)) > 0)
     return fill_texture(
         np.where(shown[..., None], colour, 0.0),
         ~shown,
         source,
         np.ones(shown.shape, np.float32),
         context=own | source,
+        edge=edge if edge.sum() >= LEAST_EDGE else None,
     )

@@ -17,6 +17,7 @@ from dextera_build.rule import Backend, Context, Fraction, Options
 
 from .behind import Behind
 from .holes import hole
+from .pieces import bordered
 
 if TYPE_CHECKING:
     from .static import StaticOptions
@@ -76,7 +77,8 @@ def clean(
     longest = min(options.longest_px, max(taken.shape))
     painted = paint(ctx.load(load, "flux2_klein"), made.image.pixels, taken, options.prompt, options, longest)
     image = Image(pixels=np.where(taken[..., None], painted, made.image.pixels))
-    return made.model_copy(update={"image": image, "mesh": made.mesh.model_copy(update={"texture": image})})
+    texture = Image(pixels=bordered(image.pixels))
+    return made.model_copy(update={"image": image, "mesh": made.mesh.model_copy(update={"texture": texture})})
 
 
 def self_test(ctx: Context) -> None:

@@ -18,7 +18,7 @@ from dextera_build.rule import Backend, Context, Fraction, Options
 
 from . import walls
 from .behind import Behind
-from .furnished import bounded, feet_of, furnished, seen_of, survey
+from .furnished import bounded, feet_of, furnished, seen_of, survey, trimmed
 from .holes import hole, remnants, scraps, shaded
 from .layers import SAME_COLOUR, Layers, apart, split
 from .rectified import top_view
@@ -102,11 +102,12 @@ def clean(
         image = _fill_support(image, whole, own, known, photograph.camera, support, options)
     pixels = np.clip(np.round(image), 0, 255).astype(np.uint8)
     # The support's outline is known to a few pixels only: its colour must not bleed into the surfaces behind it.
-    rim = np.ones((2 * max(1, round(0.01 * taken.shape[1])) + 1,) * 2, np.uint8)
-    near = cv2.dilate(whole.behind.astype(np.uint8), rim) > 0
+    square = np.ones((2 * max(1, round(0.01 * taken.shape[1])) + 1,) * 2, np.uint8)
+    near = cv2.dilate(whole.behind.astype(np.uint8), square) > 0
     pixels = _inpaint(pixels, bare & ~beyond, near)
     scenery = survey(pixels, empty, layers.behind, bare, beyond, photograph.camera, support, options.step_m)
-    scenery = replace(scenery, pixels=walls.filled(scenery, bare))
+    scenery, rim = trimmed(scenery, layers, support)
+    scenery = replace(scenery, pixels=walls.filled(scenery, bare | rim))
     things = seen_of(instances.labels > 0, depth, photograph.camera, support)
     stride = max(1.0, options.stride * photograph.camera.width)
     feet = feet_of(instances.labels, depth, photograph.camera, support)
@@ -136,7 +137,7 @@ def _fill_support(
     """
     target = layers.hole & layers.behind
     spots = layers.floor[target]
-    margin = max(0.15, 0.6 * float(np.ptp(spots, axis=0).max()))
+    margin = max(0.15, 1.2 * options.shadow_reach_m, 0.6 * float(np.ptp(spots, axis=0).max()))
     limits = layers.floor[layers.behind]
     # No finer than the photograph at its nearest point.
     texel = max(options.texel_m, float(layers.plane[target].min()) / camera.fx)
@@ -149,7 +150,8 @@ def _fill_support(
     )
     source = _alike(flat, level & ~gap, free & ~gap, 0.03 / view.texel)
     shown = view.lay((known & target).astype(np.uint8), smooth=False) > 0
-    gain = _gain(flat, gap, source, shown, options.shadow_reach_m / view.texel)
+    outside = view.lay(np.ones(target.shape, np.uint8), smooth=False) == 0
+    gain = _gain(flat, gap, source, shown, outside, options.shadow_reach_m / view.texel)
     # The shadow of an object is where others see it, too: there, the texture around it is the better guess.
     shown &= gain.max(axis=-1) < MOST_SHADE
     known = known & (view.lift(shown.astype(np.uint8), target.shape, smooth=False) > 0)
@@ -172,11 +174,14 @@ def _alike(flat: np.ndarray, level: np.ndarray, free: np.ndarray, sigma: float) 
     return np.asarray(level | (free & (step < SAME_COLOUR)))
 
 
-def _gain(flat: np.ndarray, gap: np.ndarray, source: np.ndarray, shown: np.ndarray, reach: float) -> np.ndarray:
+def _gain(
+    flat: np.ndarray, gap: np.ndarray, source: np.ndarray, shown: np.ndarray, outside: np.ndarray, reach: float
+) -> np.ndarray:
     """Gains (H, W, 3) that remove shadows and coloured reflections around `gap`, and in it where it is `shown`.
 
-    They extend the smooth illumination from beyond `reach` [px] up to the gap. On a surface with a coarse pattern, a
-    colour that differs from it by no more than the pattern does elsewhere is no shadow.
+    They extend the smooth illumination from beyond `reach` [px] up to the gap, and up to the picture's border, beyond
+    which is `outside` (H, W): the surface goes on there as it ends. On a surface with a coarse pattern, a colour that
+    differs from it by no more than the pattern does elsewhere is no shadow.
     """
     away = cv2.distanceTransform((~gap).astype(np.uint8), cv2.DIST_L2, 5)
     rest = source & (away > reach)
@@ -191,8 +196,8 @@ def _gain(flat: np.ndarray, gap: np.ndarray, source: np.ndarray, shown: np.ndarr
         ratio *= np.clip((apart - own) / (0.5 * own), 0.0, 1.0)
     gain = np.clip(np.exp(ratio), 1.0 / MOST_GAIN, MOST_GAIN)
     weight = np.clip(2.0 * (1.0 - away / reach), 0.0, 1.0)
-    # Avoid steps at the view's border and at unknown surface.
-    rim = np.pad((source | gap)[1:-1, 1:-1], 1).astype(np.uint8)
+    # Avoid steps at unknown surface.
+    rim = (source | gap | outside).astype(np.uint8)
     inner = np.clip(cv2.distanceTransform(rim, cv2.DIST_L2, 5) / (reach / 4), 0.0, 1.0)
     return np.asarray(gain ** (weight * np.where(gap, 1.0, inner))[..., None], np.float32)
 

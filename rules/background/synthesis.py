@@ -59,6 +59,7 @@ def fill_texture(
     blur: np.ndarray,
     sigma: float = 12.0,
     context: np.ndarray | None = None,
+    edge: np.ndarray | None = None,
 ) -> np.ndarray:
     """Fill `hole` of a flat texture.
 
@@ -69,6 +70,7 @@ def fill_texture(
         blur: (H, W) local coarseness in any unit; much coarser sources are avoided.
         sigma: Scale that separates the smooth part from detail [px].
         context: (H, W) pixels whose colour and grain the fill continues, which contain `source`; None: `source`.
+        edge: (H, W) pixels whose mean colour along the border of the hole is that of the fill; None: `context`.
 
     Returns:
         (H, W, 3) float32; pixels outside `hole` are unchanged.
@@ -82,7 +84,8 @@ def fill_texture(
     traits = np.concatenate([smooth, blur[..., None]], axis=-1)
     quilted = _quilt(detail, hole, context & ~hole, source & ~hole, traits)
     quilted = quilted * _contrast(detail, quilted, context & ~hole, sigma)
-    return np.where(hole[..., None], smooth + quilted, image).astype(np.float32)
+    light = smooth if edge is None else smooth_part(image, edge, sigma)
+    return np.where(hole[..., None], light + quilted, image).astype(np.float32)
 
 
 def _own_tints(detail: np.ndarray, context: np.ndarray) -> np.ndarray:

@@ -37,13 +37,16 @@ def filled(scenery: Scenery, hole: np.ndarray) -> np.ndarray:
     pixels = scenery.pixels.copy()
     square = np.ones((2 * EDGE_PX + 1,) * 2, np.uint8)
     for patch, numbers in _flats(scenery):
+        assert patch.plane is not None
+        upright = abs(float((scenery.world_from_camera[:3, :3] @ patch.plane[0])[2])) < UPRIGHT
         own = np.isin(scenery.labels, numbers)
         gap = own & hole
+        if not upright:
+            # Noise far away may leave parts of a floor without a plane; on a wall, they would be continued as rows.
+            own |= np.isin(scenery.labels, _curved(scenery, patch))
         known = cv2.erode((own & ~hole).astype(np.uint8), square) > 0
         if not gap.any() or known.sum() < LEAST:
             continue
-        assert patch.plane is not None
-        upright = abs(float((scenery.world_from_camera[:3, :3] @ patch.plane[0])[2])) < UPRIGHT
         colour = _rows(scenery, patch, gap, known) if upright else _smooth(scenery.pixels, known)
         pixels[gap] = np.clip(np.round(colour[gap]), 0, 255).astype(np.uint8)
     return pixels
@@ -63,6 +66,11 @@ def _flats(scenery: Scenery) -> list[tuple[Patch, list[int]]]:
         found.append((first, [each.number for each in same]))
         left = [each for each in left if each not in same]
     return found
+
+
+def _curved(scenery: Scenery, patch: Patch) -> list[int]:
+    """The curved surfaces that are a part of a patch's plane."""
+    return [each.number for each in scenery.patches if each.plane is None and _coplanar(scenery, patch, each)]
 
 
 def _coplanar(scenery: Scenery, first: Patch, other: Patch) -> bool:

@@ -17,6 +17,7 @@ from dextera_build.geometry import cameras as pinhole
 from dextera_build.geometry import raycast
 from dextera_build.rule import Backend, Context, Options
 
+from ..pieces import BORDER_PX
 from .cameras import ordered
 from .gather import Look, together
 from .sphere import sampled
@@ -76,8 +77,9 @@ def expand(
 def _surface(mesh: Mesh, camera: Camera) -> raycast.Surface:
     """The surface with a texture that is no finer than the pictures, so that no texel is skipped."""
     texture = None if mesh.texture is None else mesh.texture.pixels
-    if texture is not None and texture.shape[1] > camera.width:
-        size = (camera.width, max(1, round(texture.shape[0] * camera.width / texture.shape[1])))
+    width = camera.width + 2 * BORDER_PX
+    if texture is not None and texture.shape[1] > width:
+        size = (width, max(1, round(texture.shape[0] * width / texture.shape[1])))
         texture = np.asarray(cv2.resize(texture, size, interpolation=cv2.INTER_AREA))
     return raycast.Surface(mesh.vertices.astype(np.float64), mesh.faces, mesh.uv, texture, mesh.colour)
 

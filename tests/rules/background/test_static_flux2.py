@@ -12,6 +12,7 @@ from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.learning import flux2
 from dextera_build.testing import RuleRunner
 from rules.background.holes import hole
+from rules.background.pieces import bordered
 from rules.background.static_flux2 import Flux2Options
 from tests.installed import needs
 from tests.rules.background import tiny_flux2
@@ -46,7 +47,7 @@ def test_only_the_hole_is_painted_and_the_rest_is_that_of_planes(tmp_path: Path,
     assert np.array_equal(painted.depth.depth, planes.depth.depth)
     assert np.array_equal(painted.mesh.vertices, planes.mesh.vertices)
     assert painted.mesh.texture is not None
-    assert np.array_equal(painted.mesh.texture.pixels, painted.image.pixels)
+    assert np.array_equal(painted.mesh.texture.pixels, bordered(painted.image.pixels))
     assert painted.boxes == planes.boxes
 
 

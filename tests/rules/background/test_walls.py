@@ -54,3 +54,25 @@ def test_a_surface_of_which_nothing_is_in_view_keeps_its_colours() -> None:
     whole, labels = room()
     hole = labels == 3
     np.testing.assert_array_equal(filled(made(whole, labels), hole), whole)
+
+
+def test_a_floor_behind_a_thing_has_the_colours_of_a_part_beside_it_that_was_too_noisy_for_a_plane() -> None:
+    _, labels = room()
+    pixels = np.where(labels == 2, 200.0, 60.0)[..., None] * np.ones(3)
+    pixels[:, :60] *= 2.0
+    pixels = pixels.astype(np.uint8)
+    floor, columns = labels == 3, np.arange(SIZE[1])
+    rays = cameras.rays(*SIZE, K)
+    inverse = np.where(floor, rays[..., 1] / 0.7, 1.0 / 3.0).astype(np.float32)
+    # The lit part of the floor at the left is a plane, the dark one beside the hole is not.
+    labels[floor & (columns > 60)] = 5
+    hole = np.zeros(SIZE, bool)
+    hole[:, 200:280] = True
+    labels[floor & hole] = 3
+    seen = pixels.copy()
+    seen[hole] = (255, 0, 0)
+    scenery = made(seen, labels)
+    scenery = Scenery(seen, labels, [*scenery.patches, Patch(5, None, (0, 0), inverse)], K, EYE)
+    found = filled(scenery, hole)
+    inner = floor & hole
+    assert np.abs(found[inner].astype(int) - pixels[inner]).max() < 8
