@@ -38,7 +38,7 @@ BURST = 60.0
 BUSY, RATE = 4001, 4002
 """Codes with which a connection is closed: another operator is there; too many messages."""
 ANSWER_S, STUCK_S = 2.0, 5.0
-"""Time in which an operator must answer when another one comes, and after which one that reads no state has left [s]."""
+"""Time in which an operator must answer when another one comes, and after which one that reads nothing has left [s]."""
 WISHES = ("start", "finish", "discard", "undo", "skip", "recentre", "measure", "end")
 MOST_MEASURED = 200
 
