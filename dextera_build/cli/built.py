@@ -66,7 +66,7 @@ def _task_hint(session: Session, verb: str) -> str:
 
 
 def declared(session: Session, kind: str) -> list[str]:
-    """Nodes of a recipe, built or not, whose rules return a type; those called `task` first, then those nearest to it."""
+    """Nodes of a recipe, built or not, whose rules return a type; those called `task` come first."""
     library, found = session.project.library, list[str]()
     for address, call in session.plan(incomplete=True).graph.calls():
         returns = library.find(call.rule.path).rule.returns

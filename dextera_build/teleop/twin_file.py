@@ -47,7 +47,7 @@ def written(environment: Environment, own: Mapping[str, Matched]) -> bytes:
     skins = [_skin(blobs, body, skin) for body in range(model.nbody) for skin in visible(model, body)]
     ghosts = [model.body(ROBOT + link).id for each in own.values() for link in each.hand.links]
     starts = _wrists(environment, own)
-    palms = np.array([each["palm"] for each in starts])
+    palms = [np.array(each["palm"]) for each in starts]
     look, eye = viewpoint.first(environment, palms)
     facts = {
         "bodies": [model.body(body).name for body in range(model.nbody)],
@@ -57,7 +57,7 @@ def written(environment: Environment, own: Mapping[str, Matched]) -> bytes:
         "base": environment.bundle.base_pose.matrix.ravel().tolist(),
         "parents": list(hands.PARENTS),
         "wrists": starts,
-        "middle": palms.mean(axis=0).tolist(),
+        "middle": np.mean(palms, axis=0).tolist(),
         "look": look.tolist(),
         "eye": eye.tolist(),
         "task": environment.bundle.task.name,

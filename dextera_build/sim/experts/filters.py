@@ -12,8 +12,8 @@ from dextera_build.sim.observe.touch import Touch
 from dextera_build.sim.runtime.environment import Environment
 
 IMPACT_S = 0.1
-"""Time within which an impact is over. A contact is a spring of 50 rad/s or more (`mjcf_contact`): it stops what falls
-within a quarter of its period, 31 ms, after it went deeper than it would at rest, and pushes it out in twice that [s]."""
+"""Time within which an impact is over. A contact is a spring of 50 rad/s or more (`mjcf_contact`), which stops what
+falls within a quarter of its period, 31 ms, deeper than it would rest, and pushes it out in about twice that [s]."""
 
 
 @dataclass(frozen=True)

@@ -84,7 +84,7 @@ def _kind(source: Source) -> tuple[object, ...]:
 
 
 def nearest(shown: Sequence[np.ndarray], now: np.ndarray, keep: int, random: np.random.Generator) -> list[int]:
-    """Order of demonstrations: one drawn of the `keep` in which a frame was nearest to its pose, the others by distance.
+    """Order of demonstrations: one drawn of the `keep` in which a frame was nearest to its pose, others by distance.
 
     Args:
         shown: Poses (4, 4) of the frame in the demonstrations.

@@ -26,6 +26,7 @@ from dextera_build.sim.experts.paths import Path
 from dextera_build.sim.experts.recovery import Recovery, recovering
 from dextera_build.sim.experts.retime import Limits, accelerations, durations, moments, slower
 from dextera_build.sim.experts.runs import Run
+from dextera_build.sim.experts.soft import softened
 from dextera_build.sim.experts.sources import Source, nearest, sources_of
 from dextera_build.sim.runtime.environment import Environment
 
@@ -38,8 +39,8 @@ SPARE_PERTURBED = 0.8
 PARTS = (1.0, 0.7, 0.5, 0.35, 0.25)
 """Parts of a perturbation that are tried."""
 SPARE_FINGERS = 0.6
-"""Part of their speed limits that fingers use: two fingers that close on an object push the thumb back, and a thumb that
-loses the fingers' resistance springs forward, up to 1.5 times as fast as they are moved."""
+"""Part of their speed limits that fingers use: a thumb that loses the resistance of fingers which open springs forward,
+up to 1.5 times as fast as they are moved."""
 REVISIONS = 8
 """Maximum number of times that a path is retimed."""
 PATIENCE, HOPELESS = 3, 1.7
@@ -106,8 +107,9 @@ class Synthesis:
         self._limbs, self._object, self._rate = list(robot.limb_names), task.object, task.control_hz
         self._names = [joint.name for joint in robot.joints]
         self._speeds = np.array([joint.velocity for joint in robot.joints])
-        fast = manner.filters.speed
-        self._fast = {each.name for each in sources if each.fastest(self._speeds, self._rate) > fast}
+        most = manner.filters.speed
+        judged = sources if np.isfinite(most) else ()
+        self._fast = {each.name for each in judged if each.fastest(self._speeds, self._rate) > most}
         self._hands = {limb: [self._names.index(name) for name in robot.limbs[limb].hand] for limb in self._limbs}
         palms = environment.palm_poses()
         self._palms = {limb: to_matrix(palms[row]) for row, limb in enumerate(self._limbs)}
@@ -373,7 +375,12 @@ def synthesise(driver: Driver, sources: Episodes, start: Start, seed: int, manne
         seed: Seed of the choice of sources, of the noise and of the perturbation.
         manner: Noise, filters, timing.
     """
-    driver.environment.begin(start)
-    operator = Synthesis(sources_of(sources), driver.environment, driver.control, manner, seed)
+    environment = driver.environment
+    environment.begin(start)
+    shown = sources_of(sources)
+    speeds = np.array([joint.velocity for joint in environment.bundle.robot.joints])
+    if any(each.fastest(speeds, environment.task.control_hz) > manner.filters.speed for each in shown):
+        shown = [softened(each, environment, start.gain_scale) for each in shown]
+    operator = Synthesis(shown, driver.environment, driver.control, manner, seed)
     made = driver.run(operator, start, origin="synthesis", noise=manner.noise, filters=manner.filters, seed=seed)
     return made.model_copy(update={"sources": tuple(operator.used)})

@@ -11,8 +11,8 @@ import pytest
 from dextera_build.artifacts.tasks.episode import Episode
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.geometry import poses
-from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts import filters
+from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.filters import Filters
 from dextera_build.sim.primitives.pick_and_place.primitive import PlaceGoal
 from dextera_build.sim.primitives.poses import Tolerance
