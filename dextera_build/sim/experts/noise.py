@@ -54,7 +54,7 @@ class Disturbance:
 
     def on(self, command: Command) -> Command:
         """The command with noise, which is faded out where contact is intended."""
-        quiet = command.contact and not self._noise.in_contact
+        quiet = (command.contact or command.nears) and not self._noise.in_contact
         self._faded = float(np.clip(self._faded + (-1.0 if quiet else 1.0) / FADE, 0.0, 1.0))
         gain = minimum_jerk(self._faded)
         drawn = {name: gain * self._next(name, 6 + len(aim.fingers)) for name, aim in command.aims.items()}

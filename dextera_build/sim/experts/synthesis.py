@@ -8,7 +8,7 @@ noise (4d) perturbs the executed command, never the label. This is not a screw m
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from dextera_build.sim.experts.adapt import Timing, bent, slowed, steps_between,
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.filters import Filters
 from dextera_build.sim.experts.motion import minimum_jerk
-from dextera_build.sim.experts.noise import Noise
+from dextera_build.sim.experts.noise import FADE, Noise
 from dextera_build.sim.experts.paths import Path
 from dextera_build.sim.experts.recovery import Recovery, recovering
 from dextera_build.sim.experts.retime import Limits, accelerations, durations, moments, slower
@@ -285,7 +285,11 @@ class Synthesis:
             places = self._places(path)
         for number, limb in enumerate(limbs):
             self._palms[limb], self._fingers[limb] = path.palms[-1, number], path.fingers[number][-1]
-        return [path.command(place) for place in places]
+        commands = [path.command(place) for place in places]
+        contact = [command.contact for command in commands]
+        return [
+            replace(command, nears=any(contact[number : number + FADE + 1])) for number, command in enumerate(commands)
+        ]
 
     def _in_joints(self, path: Path) -> Path:
         """The path with its free beginning straight in the arms' joints, away from their limits and singularities.
