@@ -48,8 +48,31 @@ def task(target: str, session: Session, node: str, verb: str) -> tuple[str, Task
     raise UsageError(
         f"`{target}` is no task that was built" if not node else f"`{target}` is a {found.name()}, not a task",
         code="DXB-U333",
-        hint=f"`dxb build {session.recipe}:task`, then `dxb {verb} ...` again",
+        hint=_task_hint(session, verb),
     )
+
+
+def _task_hint(session: Session, verb: str) -> str:
+    """The words to type for a task of a session's recipe."""
+    from dextera_build.errors import listing
+
+    if (own := own_task(session)) is not None:
+        return f"`dxb {verb} {session.recipe}:{own[0]}`"
+    found = [f"{session.recipe}:{name}" for name in declared(session, "TaskBundle")]
+    if not found:
+        return f"`{session.recipe}` has no task; `dxb ls` lists recipes, and those below `task/` have one"
+    others = f"; also {listing(found[1:], most=5)}" if found[1:] else ""
+    return f"`dxb build {found[0]}`, then `dxb {verb} {found[0]}`{others}"
+
+
+def declared(session: Session, kind: str) -> list[str]:
+    """Nodes of a recipe, built or not, whose rules return a type; those called `task` come first."""
+    library, found = session.project.library, list[str]()
+    for address, call in session.plan(incomplete=True).graph.calls():
+        returns = library.find(call.rule.path).rule.returns
+        if len(address) == 1 and ":" not in address[0] and getattr(returns, "__name__", "") == kind:
+            found.append(address[0])
+    return sorted(found, key=lambda name: (name.rpartition("/")[2] != "task", name.count("/")))
 
 
 def own_task(session: Session) -> tuple[str, TaskBundle] | None:

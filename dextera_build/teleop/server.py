@@ -37,6 +37,8 @@ BURST = 60.0
 """Messages that may come at once, after a stall of the network."""
 BUSY, RATE = 4001, 4002
 """Codes with which a connection is closed: another operator is there; too many messages."""
+ANSWER_S, STUCK_S = 2.0, 5.0
+"""Time in which an operator must answer when another one comes, and after which one that reads nothing has left [s]."""
 WISHES = ("start", "finish", "discard", "undo", "skip", "recentre", "measure", "end")
 MOST_MEASURED = 200
 
@@ -83,6 +85,7 @@ class Server:
         """Frames of hands that did not follow the protocol."""
         self.session: Session
         self._operator: Any = None
+        self._heard = 0.0
         self._newest: bytes | None = None
         self._told: set[str] = set()
 
@@ -163,7 +166,11 @@ class Server:
             print(text, file=sys.stderr)
 
     async def _operate(self, connection: Any) -> None:
-        """Let one operator in; a second one is told so."""
+        """Let one operator in; a second one is told so, unless the first has left without a word."""
+        first = self._operator
+        if first is not None and not await self._answers(first):
+            first.transport.abort()
+            self._operator = None if self._operator is first else self._operator
         if self._operator is not None:
             await connection.close(BUSY, "another operator is connected")
             return
@@ -176,20 +183,41 @@ class Server:
         except closed:
             pass
         finally:
-            self._operator, self.session.connected = None, False
             sender.cancel()
+            # Another operator may have its place already.
+            if self._operator is connection:
+                self._operator, self.session.connected = None, False
+
+    async def _answers(self, connection: Any) -> bool:
+        """Whether an operator is still there: it sends something, or answers a ping, within `ANSWER_S`."""
+        heard = self._heard
+        _, closed = _websockets()
+        try:
+            async with asyncio.timeout(ANSWER_S):
+                await (await connection.ping())
+        except TimeoutError:
+            return self._heard > heard
+        except closed:
+            return False
+        return True
 
     async def _send(self, connection: Any) -> None:
         while True:
             self._changed.clear()
             if self._newest is not None:
-                await connection.send(self._newest)
+                try:
+                    async with asyncio.timeout(STUCK_S):
+                        await connection.send(self._newest)
+                except TimeoutError:
+                    # Pings would wait behind these states without end.
+                    connection.transport.abort()
+                    return
             await self._changed.wait()
 
     async def _hear(self, connection: Any) -> None:
         allowance = Allowance()
         async for data in connection:
-            arrived = time.perf_counter()
+            arrived = self._heard = time.perf_counter()
             if not allowance.spend(arrived):
                 if allowance.excess > MOST_HZ:
                     await connection.close(RATE, f"more than {MOST_HZ:g} messages per second")

@@ -19,7 +19,7 @@ from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.model.skins import Skin, visible
 from dextera_build.sim.retarget.matching import Matched
 from dextera_build.sim.runtime.environment import Environment
-from dextera_build.teleop import posture
+from dextera_build.teleop import posture, viewpoint
 
 QUALITY = 88
 """JPEG quality of textures."""
@@ -46,6 +46,9 @@ def written(environment: Environment, own: Mapping[str, Matched]) -> bytes:
     model, blobs = environment.model, _Blobs()
     skins = [_skin(blobs, body, skin) for body in range(model.nbody) for skin in visible(model, body)]
     ghosts = [model.body(ROBOT + link).id for each in own.values() for link in each.hand.links]
+    starts = _wrists(environment, own)
+    palms = [np.array(each["palm"]) for each in starts]
+    look, eye = viewpoint.first(environment, palms)
     facts = {
         "bodies": [model.body(body).name for body in range(model.nbody)],
         "roots": [model.body(int(root)).name for root in model.body_rootid],
@@ -53,9 +56,10 @@ def written(environment: Environment, own: Mapping[str, Matched]) -> bytes:
         "ghosts": ghosts,
         "base": environment.bundle.base_pose.matrix.ravel().tolist(),
         "parents": list(hands.PARENTS),
-        "wrists": (starts := _wrists(environment, own)),
-        "middle": np.mean([each["palm"] for each in starts], axis=0).tolist(),
-        "object": model.body(environment.task.object).id,
+        "wrists": starts,
+        "middle": np.mean(palms, axis=0).tolist(),
+        "look": look.tolist(),
+        "eye": eye.tolist(),
         "task": environment.bundle.task.name,
     }
     text = json.dumps(facts).encode()

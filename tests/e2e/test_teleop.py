@@ -15,8 +15,14 @@ from tests.e2e.test_serve import FLAGS, TASK
 def test_a_session_that_is_ended_at_once_prints_two_documents(space: Space) -> None:
     pytest.importorskip("websockets", reason="needs websockets (extra `teleop`)")
     space.write("recipes/task/try.yaml", TASK)
+    refused = space.dxb("teleop", "task/try")
+    assert refused.code == 2
+    assert "`dxb build task/try:task`, then `dxb teleop task/try:task`" in refused.err
     built = space.build("task/try:task", *FLAGS)
     assert built.code == 0, built.err[-3000:]
+    other = space.dxb("teleop", "task/try:base")
+    assert other.code == 2
+    assert "hint: `dxb teleop task/try:task`" in other.err
     session = space.start("teleop", "task/try:task", "--no-open", "--port", "0", "--json")
     assert session.stdout is not None
     line = session.stdout.readline()

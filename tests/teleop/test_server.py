@@ -37,6 +37,7 @@ class Session(SimpleNamespace):
             heading_rad=0.0,
             twin=b"twin",
             wishes=[],
+            connected=False,
             camera=False,
         )
         self.over = threading.Event()
@@ -135,6 +136,69 @@ def test_one_operator_at_a_time_and_the_second_is_told():
             await third.send(json.dumps({"ping": 2}))
             assert json.loads(await third.recv()) == {"pong": 2}
 
+    served(use)
+
+
+async def silent(address: str) -> asyncio.StreamWriter:
+    """A web socket whose operator reads nothing, not even a ping."""
+    host, _, port = address.split("/")[2].partition(":")
+    _, writer = await asyncio.open_connection(host, int(port), limit=1)
+    path = "/" + address.split("/", 3)[3]
+    head = f"GET {path}socket HTTP/1.1\r\nHost: {host}:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    writer.write(f"{head}Sec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==\r\nSec-WebSocket-Version: 13\r\n\r\n".encode())
+    return writer
+
+
+def test_an_operator_that_left_without_a_word_gives_way_to_the_next(monkeypatch: pytest.MonkeyPatch):
+    async def use(address: str, made: Server, session: Session) -> None:
+        gone = await silent(address)
+        await settled(lambda: bool(session.connected))
+        made.publish(bytes(50_000))
+        async with connect(address + "socket", max_size=None) as second:
+            await second.send(json.dumps({"ping": 1}))
+            answers = [await second.recv() for _ in range(2)]
+            assert '{"pong": 1}' in answers
+            assert made._operator is not None
+            assert session.connected
+        gone.close()
+        await settled(lambda: not session.connected)
+
+    monkeypatch.setattr(server, "ANSWER_S", 0.1)
+    served(use)
+
+
+def test_an_operator_that_sends_hands_keeps_its_place_without_reading(monkeypatch: pytest.MonkeyPatch):
+    async def use(address: str, made: Server, session: Session) -> None:
+        first = await silent(address)
+        await settled(lambda: bool(session.connected))
+
+        async def sends() -> None:
+            while True:
+                # A masked frame of text whose mask is 0.
+                first.write(b"\x81\x80" + bytes(4))
+                await asyncio.sleep(0.02)
+
+        sending = asyncio.create_task(sends())
+        async with connect(address + "socket") as second:
+            with pytest.raises(ConnectionClosed):
+                await second.recv()
+            assert second.close_code == server.BUSY
+        sending.cancel()
+        first.close()
+
+    monkeypatch.setattr(server, "ANSWER_S", 0.1)
+    served(use)
+
+
+def test_an_operator_that_reads_no_state_has_left(monkeypatch: pytest.MonkeyPatch):
+    async def use(address: str, made: Server, session: Session) -> None:
+        first = await silent(address)
+        await settled(lambda: bool(session.connected))
+        made.publish(bytes(30_000_000))
+        await settled(lambda: not session.connected)
+        first.close()
+
+    monkeypatch.setattr(server, "STUCK_S", 0.1)
     served(use)
 
 

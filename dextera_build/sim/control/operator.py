@@ -73,6 +73,9 @@ class Command:
     parts: Mapping[str, Part] = field(default_factory=dict)
     """Limb -> what it does, if it does something else; limbs that do the same share one transform of their frame."""
 
+    nears: bool = False
+    """Whether a contact is intended soon, before which noise fades."""
+
     off: Mapping[str, Aim] = field(default_factory=dict)
     """Limb -> the target that is executed in place of its own, in a perturbation; the label stays its own."""
 

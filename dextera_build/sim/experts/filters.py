@@ -11,6 +11,10 @@ from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.observe.touch import Touch
 from dextera_build.sim.runtime.environment import Environment
 
+IMPACT_S = 0.1
+"""Time within which an impact is over. A contact is a spring of 50 rad/s or more (`mjcf_contact`), which stops what
+falls within a quarter of its period, 31 ms, deeper than it would rest, and pushes it out in about twice that [s]."""
+
 
 @dataclass(frozen=True)
 class Filters:
@@ -24,7 +28,8 @@ class Filters:
     """Whether parts of hands may touch each other at any time, as a person's do, and not in contact with the task's
     object alone."""
     depth_m: float = np.inf
-    """Maximum penetration of the robot, or of an object, into anything [m]."""
+    """Maximum penetration of the robot, or of an object, into anything [m]; except of an object that the robot does not
+    touch, for `IMPACT_S`."""
     grip_m: float = np.inf
     """Maximum penetration where a hand should touch the object [m]."""
     speed: float = np.inf
@@ -51,10 +56,13 @@ class Watch:
         self._arm = np.array([joint.group == "arm" for joint in joints])
         self._dofs = np.array([environment.model.joint(ROBOT + name).dofadr[0] for name in self._names])
         self._sent = [np.zeros(len(joints))] * 3
+        # Pairs of bodies without the robot that are too deep now -> number of the first such control period.
+        self._falling: dict[tuple[str, str], int] = {}
 
     def begin(self) -> None:
         """A new episode; the robot rests at the targets of its start."""
         self._sent = [self._environment.previous_action] * 3
+        self._falling = {}
 
     def fault(self, command: Command, lag_m: float, limits: Filters, near: str = "") -> str:
         """The first violation in the control period that has just ended; empty if there is none.
@@ -72,10 +80,20 @@ class Watch:
         touched = self._touch.unintended(command.contact, limits.press_n, fingers=limits.fingers)
         if touched:
             return f"touched `{touched}` in `{command.segment}`"
-        deep = self._touch.deeper(command.contact, limits.depth_m, limits.grip_m)
+        deep = self._pressed(command.contact, limits)
         if deep:
             return f"`{deep[0]}` was pressed too deep into `{deep[1]}` in `{command.segment}`"
         return self._moved(command.segment, limits)
+
+    def _pressed(self, contact: bool, limits: Filters) -> tuple[str, str] | None:
+        """Two bodies that are pressed together too much; an impact of what was let go is none."""
+        deep = self._touch.deeper(contact, limits.depth_m, limits.grip_m)
+        steps, period = self._environment.steps, self._environment.period_s
+        self._falling = {each[:2]: self._falling.get(each[:2], steps) for each in deep if each.free}
+        for each in deep:
+            if not each.free or (steps - self._falling[each[:2]]) * period >= IMPACT_S - 1e-9:
+                return each[:2]
+        return None
 
     def _moved(self, segment: str, limits: Filters) -> str:
         """The joint that moved faster, or was accelerated more, than the robot can."""

@@ -8,9 +8,11 @@ import numpy as np
 
 from dextera_build.geometry import lie, transforms
 from dextera_build.sim.control.operator import Aim, Command
+from dextera_build.sim.experts.motion import minimum_jerk
 
-FADE = 5
-"""Control steps in which noise fades in and out; a jump would exceed what a robot can accelerate."""
+FADE = 8
+"""Control steps in which noise fades in and out, at rest at both ends; a jump, also one of the speed, would exceed what
+a robot can accelerate."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ class Disturbance:
         self._noise = noise
         self._random = np.random.default_rng([seed, 1])
         self._values: dict[str, np.ndarray] = {}
-        self._gain = 0.0
+        self._faded = 0.0
 
     @property
     def is_still(self) -> bool:
@@ -52,10 +54,11 @@ class Disturbance:
 
     def on(self, command: Command) -> Command:
         """The command with noise, which is faded out where contact is intended."""
-        quiet = command.contact and not self._noise.in_contact
-        self._gain = float(np.clip(self._gain + (-1.0 if quiet else 1.0) / FADE, 0.0, 1.0))
-        drawn = {name: self._gain * self._next(name, 6 + len(aim.fingers)) for name, aim in command.aims.items()}
-        if not self._gain:
+        quiet = (command.contact or command.nears) and not self._noise.in_contact
+        self._faded = float(np.clip(self._faded + (-1.0 if quiet else 1.0) / FADE, 0.0, 1.0))
+        gain = minimum_jerk(self._faded)
+        drawn = {name: gain * self._next(name, 6 + len(aim.fingers)) for name, aim in command.aims.items()}
+        if not gain:
             return command
         aims = {name: _disturbed(aim, drawn[name], self._noise) for name, aim in command.aims.items()}
         return replace(command, aims=aims)

@@ -53,8 +53,11 @@ class Path:
 
     @property
     def free(self) -> int:
-        """Number of steps at its beginning in which all limbs move freely, with empty hands."""
-        parts = (all(part.frame == FREE and not part.contact for part in each.values()) for each in self.labels)
+        """Number of steps at its beginning in which all limbs move freely; what several hold binds them together."""
+        alone = len(self.limbs) == 1
+        parts = (
+            all(part.frame == FREE and (alone or not part.contact) for part in each.values()) for each in self.labels
+        )
         return next((number for number, each in enumerate(parts) if not each), len(self.labels))
 
     def begun(self, palms: np.ndarray) -> Path:

@@ -31,6 +31,10 @@ class Recovery:
     rotation_rad: float = 0.09
     """Standard deviation of its rotation vector, per axis, applied from the right [rad]."""
 
+    def times(self, part: float) -> Recovery:
+        """The same with a part 0..1 of the displacement."""
+        return Recovery(self.share, part * self.position_m, part * self.rotation_rad)
+
     def drawn(self, random: np.random.Generator) -> bool:
         """Whether an episode has a perturbation."""
         return bool(random.random() < self.share)

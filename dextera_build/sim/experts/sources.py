@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,6 +31,8 @@ class Source:
     """Bodies of `Episode.objects`."""
     runs: tuple[Run, ...]
     """Runs of its limbs."""
+    grasp: int = 0
+    """Number of its grasp, 0 for the most common one."""
 
     def pose(self, frame: str, row: int) -> np.ndarray:
         """T_base_frame (4, 4) at a step."""
@@ -45,6 +47,11 @@ class Source:
             if each.first <= row < each.last
         }
 
+    def fastest(self, speeds: np.ndarray, rate_hz: float) -> float:
+        """Highest speed of a joint, as a multiple of its limit (A,) [rad/s or m/s], at a rate of steps [Hz]."""
+        moved = np.abs(np.diff(self.episode.joints, axis=0)) * rate_hz
+        return float((moved / speeds).max(initial=0.0))
+
     @property
     def starts(self) -> list[int]:
         """Steps at which runs begin, in order."""
@@ -52,16 +59,23 @@ class Source:
 
 
 def sources_of(episodes: Episodes) -> list[Source]:
-    """The demonstrations that can take turns: with the most common structure, and of those the most common grasp."""
+    """The demonstrations that can take turns: those with the most common structure, by how common their grasp is."""
     found = []
     for name, episode in episodes.in_order():
         runs = tuple(runs_of(episode, episodes.limb_names))
         found.append(Source(name, episode, episodes.object_names, runs))
     kinds = Counter(_kind(source) for source in found)
     most = max(kinds, key=lambda kind: kinds[kind], default=())
-    same = [source for source in found if _kind(source) == most]
-    kept = alike([source.episode for source in same], episodes.object_names, episodes.limb_names)
-    return [source for source in same if any(source.episode is episode for episode in kept)]
+    left = [source for source in found if _kind(source) == most]
+    grouped: list[Source] = []
+    grasp = 0
+    while left:
+        same = alike([source.episode for source in left], episodes.object_names, episodes.limb_names)
+        kept = [source for source in left if any(source.episode is episode for episode in same)]
+        grouped += [replace(source, grasp=grasp) for source in kept]
+        left = [source for source in left if all(source is not other for other in kept)]
+        grasp += 1
+    return grouped
 
 
 def _kind(source: Source) -> tuple[object, ...]:
@@ -69,8 +83,8 @@ def _kind(source: Source) -> tuple[object, ...]:
     return (structure(source.runs), turns)
 
 
-def nearest(shown: Sequence[np.ndarray], now: np.ndarray, keep: int, random: np.random.Generator) -> int:
-    """Draw one of the `keep` demonstrations in which a frame was nearest to its current pose.
+def nearest(shown: Sequence[np.ndarray], now: np.ndarray, keep: int, random: np.random.Generator) -> list[int]:
+    """Order of demonstrations: one drawn of the `keep` in which a frame was nearest to its pose, others by distance.
 
     Args:
         shown: Poses (4, 4) of the frame in the demonstrations.
@@ -82,12 +96,13 @@ def nearest(shown: Sequence[np.ndarray], now: np.ndarray, keep: int, random: np.
         float(np.linalg.norm(pose[:3, 3] - now[:3, 3])) + 0.1 * transforms.angle(pose[:3, :3].T @ now[:3, :3])
         for pose in shown
     ]
-    order = np.argsort(distances, kind="stable")[: max(1, keep)]
-    return int(order[int(random.integers(len(order)))])
+    order = np.argsort(distances, kind="stable").tolist()
+    drawn = order.pop(int(random.integers(min(max(1, keep), len(order)))))
+    return [drawn, *order]
 
 
 def alike(sources: Sequence[Episode], names: Sequence[str], limbs: Sequence[str] = ()) -> list[Episode]:
-    """The largest set of demonstrations with the same grasp, which avoids contradictory training data.
+    """The largest set of demonstrations with the same grasp.
 
     Two demonstrations have the same grasp if their palms, at the end of the first contact, have similar poses in the
     contact's frame.

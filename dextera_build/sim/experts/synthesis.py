@@ -8,7 +8,7 @@ noise (4d) perturbs the executed command, never the label. This is not a screw m
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -21,11 +21,12 @@ from dextera_build.sim.experts.adapt import Timing, bent, slowed, steps_between,
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.filters import Filters
 from dextera_build.sim.experts.motion import minimum_jerk
-from dextera_build.sim.experts.noise import Noise
+from dextera_build.sim.experts.noise import FADE, Noise
 from dextera_build.sim.experts.paths import Path
 from dextera_build.sim.experts.recovery import Recovery, recovering
 from dextera_build.sim.experts.retime import Limits, accelerations, durations, moments, slower
 from dextera_build.sim.experts.runs import Run
+from dextera_build.sim.experts.soft import softened
 from dextera_build.sim.experts.sources import Source, nearest, sources_of
 from dextera_build.sim.runtime.environment import Environment
 
@@ -33,6 +34,13 @@ LOOSE = 10.0
 """Factor on speed limits while a path is solved for its joints, which retiming needs as it was shown."""
 SPARE_SPEED, SPARE_ACCELERATION = 0.95, 0.6
 """Parts of the limits that a retimed path uses; noise needs the rest."""
+SPARE_PERTURBED = 0.8
+"""Part of the limit of acceleration that a perturbed path uses."""
+PARTS = (1.0, 0.7, 0.5, 0.35, 0.25)
+"""Parts of a perturbation that are tried."""
+SPARE_FINGERS = 0.6
+"""Part of their speed limits that fingers use: a thumb that loses the resistance of fingers which open springs forward,
+up to 1.5 times as fast as they are moved."""
 REVISIONS = 8
 """Maximum number of times that a path is retimed."""
 PATIENCE, HOPELESS = 3, 1.7
@@ -78,7 +86,7 @@ class Synthesis:
     middle of a run of another source.
 
     Args:
-        sources: Demonstrations with the same structure, `sources_of`.
+        sources: Demonstrations with the same structure, the most common grasp first, `sources_of`.
         environment: The task, begun; its current palms, finger targets and control rate are used.
         control: Inverse kinematics of the label, for retiming; None: paths are as fast as they were shown.
         manner: Settings.
@@ -99,6 +107,9 @@ class Synthesis:
         self._limbs, self._object, self._rate = list(robot.limb_names), task.object, task.control_hz
         self._names = [joint.name for joint in robot.joints]
         self._speeds = np.array([joint.velocity for joint in robot.joints])
+        most = manner.filters.speed
+        judged = sources if np.isfinite(most) else ()
+        self._fast = {each.name for each in judged if each.fastest(self._speeds, self._rate) > most}
         self._hands = {limb: [self._names.index(name) for name in robot.limbs[limb].hand] for limb in self._limbs}
         palms = environment.palm_poses()
         self._palms = {limb: to_matrix(palms[row]) for row, limb in enumerate(self._limbs)}
@@ -135,16 +146,57 @@ class Synthesis:
                 plan.run.last <= first or any(run.first == first for run in source.runs if run.limb == limb)
                 for limb, plan in plans.items()
             ):
-                source = self._chosen(source, stage)
-                first = source.starts[stage]
-            last = [*source.starts, len(source.episode.action)][stage + 1]
-            for run in (run for run in source.runs if run.first == first):
-                plans[run.limb] = self._planned(source, run, plans)
-            active = [plan for plan in plans.values() if plan.run.first <= first < plan.run.last]
-            commands = self._window(source, active, first, last)
+                candidates = self._candidates(source, stage)
+            else:
+                candidates = [source]
+            source, plans, commands = self._adapted(candidates, stage, plans)
             # The hands are empty until the first contact, and nothing is lost if they stray.
-            yield from recovering(commands, self._manner.recovery, self._random) if perturbed else commands
+            yield from self._perturbed(commands) if perturbed else commands
             perturbed = False
+
+    def _perturbed(self, commands: list[Command]) -> list[Command]:
+        """The commands with the largest part of a drawn perturbation that the arms can follow; else unchanged."""
+        seed = int(self._random.integers(2**32))
+        for part in PARTS if self._control else PARTS[:1]:
+            made = list(recovering(commands, self._manner.recovery.times(part), np.random.default_rng(seed)))
+            if self._control is None or self._followed(made):
+                return made
+        return commands
+
+    def _followed(self, commands: Sequence[Command]) -> bool:
+        """Whether the arms can follow what is executed from here, with a share of their acceleration left for noise."""
+        assert self._control is not None
+        limbs = tuple(commands[0].aims)
+        arms = self._control.arms(limbs)
+        palms = [np.array([{**each.aims, **each.off}[limb].palm for limb in limbs]) for each in commands]
+        most = SPARE_PERTURBED * self._manner.filters.acceleration_rad_s2
+        sent = self._joints(arms, palms, 1.0)
+        return bool(accelerations(sent, np.zeros(len(arms.joints)), 1.0 / self._rate).max() <= most)
+
+    def _adapted(
+        self, candidates: Sequence[Source], stage: int, plans: Mapping[str, _Planned]
+    ) -> tuple[Source, dict[str, _Planned], list[Command]]:
+        """The first source that the arms can repeat from here, the plans with its runs, and the commands of its window.
+
+        Raises:
+            GaveUp: There is none; the reason is that of the first.
+        """
+        reasons: list[GaveUp] = []
+        for source in candidates:
+            first, last = [*source.starts, len(source.episode.action)][stage : stage + 2]
+            made = dict(plans)
+            for run in (run for run in source.runs if run.first == first):
+                made[run.limb] = self._planned(source, run, made)
+            active = [plan for plan in made.values() if plan.run.first <= first < plan.run.last]
+            try:
+                commands = self._window(source, active, first, last)
+            except GaveUp as reason:
+                reasons.append(reason)
+                continue
+            if self.used[-1:] != [source.name]:
+                self.used.append(source.name)
+            return source, made, commands
+        raise reasons[0]
 
     def _from_targets(self) -> None:
         """Begin at the targets of the arms, from which gravity and a previous motion keep the hands a bit away."""
@@ -154,18 +206,27 @@ class Synthesis:
                 joints = self._control.targets[[self._names.index(name) for name in arm.joints]]
                 self._palms[limb] = arm.pose(joints)
 
-    def _chosen(self, last: Source, stage: int) -> Source:
-        """The source of the runs that begin, by the current pose of their frame."""
+    def _candidates(self, last: Source, stage: int) -> list[Source]:
+        """Sources of the runs that begin: one drawn by the current pose of their frame, then the others by distance.
+
+        The most common grasp comes first; another one is used only where the arms cannot repeat any demonstration of
+        it, because a policy would learn contradictory motions from both. Later, the hand keeps the grasp that it has.
+        Within a grasp, those come first in which no joint was faster than the filters allow: fingers that overpower the
+        thumb push it, and do so again however slow the motion is.
+        """
         runs = [run for run in last.runs if run.first == last.starts[stage]]
         frame = next((run.frame for run in runs if run.frame), BASE)
         frame = self._object if frame == BASE and stage == 0 else frame
-        chosen = last
-        if frame != BASE:
-            shown = [source.pose(frame, source.starts[stage]) for source in self._sources]
-            chosen = self._sources[nearest(shown, self._objects[frame], self._manner.nearest, self._random)]
-        if self.used[-1:] != [chosen.name]:
-            self.used.append(chosen.name)
-        return chosen
+        if frame == BASE:
+            return [last]
+        found: list[Source] = []
+        kinds = {source.name: (source.grasp, source.name in self._fast) for source in self._sources}
+        for kind in sorted({kind for kind in kinds.values() if stage == 0 or kind[0] == last.grasp}):
+            group = [source for source in self._sources if kinds[source.name] == kind]
+            shown = [source.pose(frame, source.starts[stage]) for source in group]
+            order = nearest(shown, self._objects[frame], self._manner.nearest, self._random)
+            found += [group[number] for number in order]
+        return found
 
     def _planned(self, source: Source, run: Run, plans: Mapping[str, _Planned]) -> _Planned:
         episode, limb, column = source.episode, run.limb, self._limbs.index(run.limb)
@@ -217,14 +278,18 @@ class Synthesis:
             path = path.led(max(steps_between(*pair, self._rate, self._manner.timing) for pair in pairs))
         else:
             path = path.started()
-        for number, limb in enumerate(limbs):
-            self._palms[limb], self._fingers[limb] = path.palms[-1, number], path.fingers[number][-1]
         try:
             places = self._places(path)
         except GaveUp:
             path = self._in_joints(path)
             places = self._places(path)
-        return [path.command(place) for place in places]
+        for number, limb in enumerate(limbs):
+            self._palms[limb], self._fingers[limb] = path.palms[-1, number], path.fingers[number][-1]
+        commands = [path.command(place) for place in places]
+        contact = [command.contact for command in commands]
+        return [
+            replace(command, nears=any(contact[number : number + FADE + 1])) for number, command in enumerate(commands)
+        ]
 
     def _in_joints(self, path: Path) -> Path:
         """The path with its free beginning straight in the arms' joints, away from their limits and singularities.
@@ -252,7 +317,8 @@ class Synthesis:
         period, arms = 1.0 / self._rate, self._control.arms(path.limbs)
         limits = self._limits([self._names.index(name) for name in arms.joints])
         before = self._last[1] if self._last[0] == path.limbs else np.zeros(len(arms.joints))
-        shown, least = self._joints(arms, path.palms[1:], LOOSE), path.least
+        shown = self._joints(arms, path.palms[1:], LOOSE)
+        least = np.maximum(path.least, self._closing(path))
         for revision in range(REVISIONS):
             least = durations(shown, least, limits, before, period)
             places = moments(least)
@@ -265,8 +331,29 @@ class Synthesis:
                 segment = path.command(places[int(excess.argmax())]).segment
                 raise GaveUp(f"no slower motion keeps the arm within its acceleration in `{segment}`")
             least = slower(least, places, excess)
+        self._check_reached(path, places, arms, sent[1:])
         self._last = path.limbs, (sent[-1] - sent[-2]) / period
         return places
+
+    def _check_reached(self, path: Path, places: np.ndarray, arms: ArmKinematics, sent: np.ndarray) -> None:
+        """Raise if the palms at targets (M, A) [rad] are too far from the path at places (M,).
+
+        Raises:
+            GaveUp: The filter of lag would discard the episode.
+        """
+        for place, joints in zip(places, sent, strict=True):
+            away = arms.poses(joints)[:, :3, 3] - path.palms_at(place)[:, :3, 3]
+            if np.linalg.norm(away, axis=1).max() > self._manner.filters.lag_m:
+                segment = path.command(place).segment
+                raise GaveUp(f"limits of the arm's joints would hold the hand back in `{segment}`")
+
+    def _closing(self, path: Path) -> np.ndarray:
+        """Shortest durations (N,) of the steps of a path that the fingers need [control periods]."""
+        needed = [
+            np.abs(np.diff(fingers, axis=0)) * self._rate / (SPARE_FINGERS * self._speeds[self._hands[limb]])
+            for limb, fingers in zip(path.limbs, path.fingers, strict=True)
+        ]
+        return np.asarray(np.concatenate(needed, axis=1).max(axis=1, initial=0.0))
 
     def _limits(self, places: Sequence[int]) -> Limits:
         most = self._manner.filters.acceleration_rad_s2
@@ -287,12 +374,17 @@ def synthesise(driver: Driver, sources: Episodes, start: Start, seed: int, manne
 
     Args:
         driver: Driver of the task's environment.
-        sources: Successful demonstrations, in `items`; only those with the most common grasp are used.
+        sources: Successful demonstrations, in `items`; those with the most common grasp are used where they can be.
         start: Start of the episode.
         seed: Seed of the choice of sources, of the noise and of the perturbation.
         manner: Noise, filters, timing.
     """
-    driver.environment.begin(start)
-    operator = Synthesis(sources_of(sources), driver.environment, driver.control, manner, seed)
+    environment = driver.environment
+    environment.begin(start)
+    shown = sources_of(sources)
+    speeds = np.array([joint.velocity for joint in environment.bundle.robot.joints])
+    if any(each.fastest(speeds, environment.task.control_hz) > manner.filters.speed for each in shown):
+        shown = [softened(each, environment, start.gain_scale) for each in shown]
+    operator = Synthesis(shown, driver.environment, driver.control, manner, seed)
     made = driver.run(operator, start, origin="synthesis", noise=manner.noise, filters=manner.filters, seed=seed)
     return made.model_copy(update={"sources": tuple(operator.used)})

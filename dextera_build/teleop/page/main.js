@@ -59,11 +59,9 @@ upright.add(twin.world);
 scene.add(upright);
 scene.updateMatrixWorld(true);
 
-const look = new THREE.Vector3(...twin.facts.middle).applyMatrix4(twin.base.matrixWorld);
-// One hand is seen from before the robot, two from behind its shoulders.
-const from = twin.facts.wrists.length > 1 ? [-0.9, 0, 0.9] : [0.5, -0.8, 0.6];
-const behind = new THREE.Vector3(...from).transformDirection(twin.base.matrixWorld).multiplyScalar(0.85);
-const orbit = new Orbit(look, behind);
+const look = new THREE.Vector3(...twin.facts.look).applyMatrix4(twin.base.matrixWorld);
+const eye = new THREE.Vector3(...twin.facts.eye).applyMatrix4(twin.base.matrixWorld);
+const orbit = new Orbit(look, eye.sub(look));
 if (innerWidth < innerHeight) orbit.zoom(350);
 const keys = new Keys(canvas, twin, camera, orbit);
 window.addEventListener("resize", fit);
@@ -72,13 +70,8 @@ fit();
 let phase = "";
 function onState(facts, numbers) {
   twin.show(facts, numbers);
-  if (!latest) {
-    // Between the hands and what they are to move.
-    twin.world.updateWorldMatrix(true, true);
-    const thing = twin.bodies[twin.facts.object].getWorldPosition(new THREE.Vector3());
-    orbit.middle.lerp(thing, 0.6);
-    orbit.turn(0, 0);
-    if (facts.camera) for (const name of ["keys", "touch", "headset"]) document.getElementById(name).style.display = "none";
+  if (!latest && facts.camera) {
+    for (const name of ["keys", "touch", "headset"]) document.getElementById(name).style.display = "none";
   }
   if (facts.phase !== phase) { keys.reset(); phase = facts.phase; }
   latest = facts;

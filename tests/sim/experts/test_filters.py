@@ -11,6 +11,7 @@ import pytest
 from dextera_build.artifacts.tasks.episode import Episode
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.geometry import poses
+from dextera_build.sim.experts import filters
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.filters import Filters
 from dextera_build.sim.primitives.pick_and_place.primitive import PlaceGoal
@@ -23,11 +24,11 @@ STRICT = Filters(press_n=2.0, depth_m=0.002, speed=1.1, acceleration_rad_s2=10.0
 BOX, HALF = task_bundles.BOX_M, task_bundles.HALF_M
 
 
-def run(bundle: TaskBundle, moves: Sequence[Move] = LIFT, filters: Filters = STRICT, **start: np.ndarray) -> Episode:
+def run(bundle: TaskBundle, moves: Sequence[Move] = LIFT, limits: Filters = STRICT, **start: np.ndarray) -> Episode:
     """The moves from the photographed start with changed fields."""
     driver = Driver(Environment(bundle))
     begun = driver.environment.start.model_copy(update=start)
-    return driver.run(gantry.Moves(driver.environment, moves), begun, origin="operator", filters=filters)
+    return driver.run(gantry.Moves(driver.environment, moves), begun, origin="operator", filters=limits)
 
 
 def test_a_clean_lift_passes_all_filters() -> None:
@@ -49,6 +50,33 @@ def test_contact_that_is_too_deep_is_found() -> None:
     assert "`support`" in episode.reason
     allowed = run(task_bundles.lift(), press, Filters(press_n=np.inf))
     assert "not done" in allowed.reason
+
+
+@pytest.mark.medium
+def test_an_impact_of_what_was_let_go_is_no_press(monkeypatch: pytest.MonkeyPatch) -> None:
+    bundle = task_bundles.lift(height_m=0.5)
+    drops = []
+    for height in (0.11, 0.13, 0.15):
+        lifted = replace(LIFT[3], place=(0.0, 0.0, height))
+        opened = replace(lifted, fingers=OPEN, seconds=0.4, segment="release")
+        drops.append([*LIFT[:3], lifted, opened])
+    passed = [run(bundle, moves).reason for moves in drops]
+    assert all(reason.startswith("not done") for reason in passed), passed
+    monkeypatch.setattr(filters, "IMPACT_S", 0.0)
+    # An impact is over within one or two control periods, so that not each is seen.
+    assert any("was pressed too deep into" in run(bundle, moves).reason for moves in drops)
+
+
+def test_what_stays_too_deep_without_a_hand_is_found() -> None:
+    walls = ""
+    for side in (-1.0, 1.0):
+        place = task_bundles.WORLD_FROM_BASE @ [BOX[0] + side * (HALF + 0.016), BOX[1], HALF, 1.0]
+        at = " ".join(map(str, place[:3]))
+        walls += f'<geom name="static_wall{side:.0f}" type="box" size="0.02 0.04 0.02" pos="{at}"/>'
+    episode = run(task_bundles.lift(extra=walls))
+    assert "was pressed too deep into" in episode.reason
+    assert "`wall" in episode.reason
+    assert len(episode.joints) >= 3
 
 
 def test_a_joint_faster_than_its_limit_is_found() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -61,6 +63,19 @@ def test_noise_fades_at_a_contact_and_is_off_in_it_unless_asked() -> None:
     assert np.abs(np.diff(path)).max() < 0.01
     everywhere = Disturbance(Noise(position_m=0.01, in_contact=True), 3)
     assert not np.array_equal(everywhere.on(command(contact=True)).aims["arm"].palm, clean)
+
+
+def test_noise_is_over_when_a_contact_that_was_announced_begins() -> None:
+    disturbance, clean = Disturbance(LOUD, 3), command().aims["arm"].palm
+    for _ in range(20):
+        disturbance.on(command())
+    for _ in range(FADE):
+        disturbance.on(replace(command(), nears=True))
+    assert np.array_equal(disturbance.on(command(contact=True)).aims["arm"].palm, clean)
+    jumping = Disturbance(LOUD, 3)
+    for _ in range(20 + FADE):
+        jumping.on(command())
+    assert not np.array_equal(jumping.on(command(contact=True)).aims["arm"].palm, clean)
 
 
 def test_no_noise_is_the_command_itself() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -54,6 +56,19 @@ def test_the_label_stays_on_the_path_and_then_leads_back_to_it(driver: Driver) -
     assert np.abs(episode.action[returns.start, :3] - episode.action[returns.start - 1, :3]).max() > 0.005
     clean = np.setdiff1d(np.arange(len(off)), np.arange(leaves.start, leaves.stop))
     assert off[clean].max() < 1e-5
+
+
+@pytest.mark.medium
+def test_a_perturbation_that_the_arm_cannot_follow_is_made_smaller(
+    driver: Driver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    far = Recovery(share=1.0, position_m=0.12, rotation_rad=0.0)
+    monkeypatch.setattr("tests.sim.experts.test_recovery.STRICT", replace(STRICT, acceleration_rad_s2=2.0))
+    episode = made(driver, far)
+    assert episode.success, episode.reason
+    assert "perturb" in {segment.name for segment in episode.segments}
+    monkeypatch.setattr(synthesis.Synthesis, "_followed", lambda operator, commands: True)
+    assert "accelerated" in made(driver, far).reason
 
 
 def test_the_share_is_that_of_the_episodes() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -9,8 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dextera_build.artifacts.tasks.episode import Episode
 from dextera_build.geometry import transforms
 from dextera_build.sim.control.operator import FREE, GaveUp, Part
+from dextera_build.sim.experts import synthesis
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.paths import Path
 from dextera_build.sim.experts.retime import Limits, accelerations, durations, moments, pose_at, slower
@@ -109,4 +112,60 @@ def test_free_motion_is_made_straight_in_the_joints_and_the_rest_is_kept(driver:
     np.testing.assert_allclose(found.palms[0], path.palms[0], atol=1e-6)
     np.testing.assert_array_equal(found.palms[10:], path.palms[10:])
     with pytest.raises(GaveUp, match="no slower motion"):
-        operator._in_joints(detour(operator, contact=True))
+        operator._in_joints(replace(path, labels=[{"arm": Part("reach", "box")}] * 13))
+
+
+def test_what_one_hand_holds_moves_freely_and_what_two_hands_hold_binds_them(driver: Driver) -> None:
+    sources = sources_of(gantry.demonstrations(driver.environment.bundle, 1))
+    operator = Synthesis(sources, driver.environment, driver.control, Manner(), 0)
+    carried = detour(operator, contact=True)
+    assert carried.free == 10
+    both = [{**parts, "other": parts["arm"]} for parts in carried.labels]
+    assert replace(carried, limbs=("arm", "other"), labels=both).free == 0
+
+
+@pytest.mark.medium
+def test_fingers_are_slow_enough_to_push_no_other_finger_faster_than_it_can(
+    driver: Driver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    environment = driver.environment
+    sources = gantry.demonstrations(environment.bundle, 2)
+    hand = [number for number, joint in enumerate(environment.bundle.robot.joints) if joint.group == "hand"]
+    limits = np.array([environment.bundle.robot.joints[number].velocity for number in hand])
+
+    def fastest() -> float:
+        episode = synthesis.synthesise(driver, sources, environment.draw(5), 5, Manner())
+        assert "grasp" in {segment.name for segment in episode.segments}
+        return float((np.abs(np.diff(episode.action[:, hand], axis=0)) * 20.0 / limits).max())
+
+    monkeypatch.setattr(synthesis, "SPARE_FINGERS", 0.05)
+    assert fastest() <= 0.05 + 1e-6
+    monkeypatch.setattr(synthesis, "SPARE_FINGERS", 1.0)
+    assert fastest() > 0.05
+
+
+@pytest.mark.medium
+def test_another_grasp_is_used_only_where_the_common_one_is_out_of_reach(driver: Driver) -> None:
+    environment = driver.environment
+    shown = gantry.demonstrations(environment.bundle, 3)
+    names = sorted(shown.items)
+
+    def moved(by: np.ndarray) -> dict[str, Episode]:
+        """Two of three demonstrations with the palm elsewhere at the object."""
+        return {
+            name: each if name == names[2] else each.model_copy(update={"hand": each.hand + by.astype(np.float32)})
+            for name, each in shown.items.items()
+        }
+
+    there = np.zeros((1, 1, 7))
+    there[..., 2] = 0.05
+    near = shown.model_copy(update={"items": moved(there)})
+    assert [source.grasp for source in sources_of(near)] == [0, 0, 1]
+    start = environment.draw(5)
+    assert names[2] not in synthesis.synthesise(driver, near, start, 5, Manner()).sources
+    far = shown.model_copy(update={"items": moved(10.0 * there)})
+    episode = synthesis.synthesise(driver, far, start, 5, Manner())
+    assert episode.success, episode.reason
+    assert episode.sources == (names[2],)
+    lost = far.model_copy(update={"items": {name: far.items[name] for name in names[:2]}})
+    assert not synthesis.synthesise(driver, lost, start, 5, Manner()).success
