@@ -20,7 +20,6 @@ from dextera_build.errors import UsageError
 from tests.bundle.conftest import bundle
 from tests.bundle.forge import Forgery, packed, unpacked
 
-
 needs_ssh_keygen = pytest.mark.skipif(shutil.which("ssh-keygen") is None, reason="no ssh-keygen here")
 
 
