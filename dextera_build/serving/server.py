@@ -82,7 +82,8 @@ class Server:
         try:
             async with server:
                 ready(server.sockets[0].getsockname()[1])
-                await server.serve_forever()
+                # `serve_forever`, cancelled, would wait from Python 3.12 on until all clients have left by themselves.
+                await asyncio.Future()
         finally:
             self._turns.shutdown(wait=False, cancel_futures=True)
 
