@@ -16,11 +16,12 @@ from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.experts import synthesis
 from dextera_build.sim.experts.adapt import Timing
 from dextera_build.sim.experts.drive import Driver
-from dextera_build.sim.experts.filters import Filters
 from dextera_build.sim.experts.noise import Noise
 from dextera_build.sim.experts.recovery import Recovery
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.seeds import seed_of
+
+from .synthesis_limits import SETTLE_RAD_S
 
 if TYPE_CHECKING:
     from .synthesize import SynthesizeOptions
@@ -31,10 +32,6 @@ BACKEND = Backend(
     packages=("mujoco", "mink", "daqp"),
     extra="learn",
 )
-
-SETTLE_RAD_S = 0.08
-"""Speed at which redundant joints return to their home; a faster return would exceed the limits of acceleration
-[rad/s]."""
 
 
 def synthesize(
@@ -80,15 +77,7 @@ def _manner(options: SynthesizeOptions) -> synthesis.Manner:
     )
     return synthesis.Manner(
         noise=noise,
-        filters=Filters(
-            lag_m=options.lag_m,
-            press_n=options.press_n,
-            depth_m=options.depth_m,
-            grip_m=options.grip_m,
-            speed=options.speed,
-            acceleration_rad_s2=options.acceleration_rad_s2,
-            hold_s=options.hold_s,
-        ),
+        filters=options.filters(),
         timing=Timing(options.speed_m_s, float(np.radians(options.turn_deg_s))),
         nearest=options.nearest,
         recovery=Recovery(options.recover, options.recover_position_m, float(np.radians(options.recover_rotation_deg))),
