@@ -135,7 +135,9 @@ def _connected(plane: planes.Plane, points: np.ndarray, near: np.ndarray, below:
     covered[tuple((_cells_above(plane, points, axes, origin, counts.shape)).T)] = True
     deeper = np.zeros(counts.shape, np.int64)
     np.add.at(deeper, tuple(_cells(points[below] @ axes[:2].T, origin, counts.shape).T), 1)
-    own = level & ~_cutting(level, deeper > CUT * counts)
+    cut = level & _cutting(level, deeper > CUT * counts)
+    # Walls are cut in a line. A plane with most of its cells in front of something is in the noise of that.
+    own = level & ~cut if 2 * cut.sum() < level.sum() else level
     # The front face of a table is below the cells at its edge, which belong to it.
     region = _bridged(regions.largest(_bridged(own) | covered, counts * own) & own) & level
     inside = region[cells[:, 0] + 2, cells[:, 1] + 2]
