@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 _PLACES = (0.1, 0.25, 0.4, 0.5, 0.6, 0.75, 0.9)
 """Candidate cut positions, as fractions of a piece's extent."""
+SLIVER_M3 = 1e-10
+"""Volume of a hull that is flat once its corners are rounded to single precision [m^3]."""
 
 
 def cut(solid: Manifold, sectors: int, excess_m3: float) -> list[Manifold]:
@@ -39,7 +41,7 @@ def cut(solid: Manifold, sectors: int, excess_m3: float) -> list[Manifold]:
         for part in wedge.decompose():
             pieces += _cut(part, frame, excess_m3, depth=5)
     hulls = [piece.hull() for piece in pieces]
-    return [hull for hull in hulls if hull.volume() > 0.0]
+    return [hull for hull in hulls if hull.volume() > SLIVER_M3]
 
 
 def _keep(solid: Manifold, turn: float, middle: np.ndarray, side: float) -> Manifold:

@@ -48,6 +48,8 @@ THIN_M, THIN = 0.02, 0.2
 """Largest height of a thin body, and the largest ratio of it to the longer side: without openings, only these."""
 BEYOND = 0.05
 """Fraction of an opening's pixels outside the mask above which it goes through."""
+MOST_HIDDEN = 0.5
+"""Hidden fraction of a gap in the section above which it is no opening: a thing that stands there hides the top."""
 SHALLOW = 0.12
 """Height of a well's floor over that of the body below which it is taken for a hole."""
 SLACK_M = 0.0004
@@ -119,6 +121,7 @@ class _Grid:
     cell: float  # [m]
     shape: tuple[int, int]  # cells along y and x
     top: float  # height of the top [m]
+    known: np.ndarray  # pixels (h, w) that show the body or what is beside and beyond it
 
     @staticmethod
     def of(evidence: Evidence) -> _Grid | None:
@@ -130,11 +133,12 @@ class _Grid:
         if top < SMALLEST_M / 2:
             return None
         low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
-        margin = MARGIN_M if evidence.known.all() else max(MARGIN_M, HIDDEN * float((high - low).max()))
+        known = evidence.known & ~_standing(evidence, top)
+        margin = MARGIN_M if known.all() else max(MARGIN_M, HIDDEN * float((high - low).max()))
         low, high = low - margin, high + margin
         cell = max(float((high - low).max()) / CELLS, FINEST_M)
         columns, rows = np.ceil((high - low) / cell).astype(int)
-        return _Grid(evidence, low, cell, (int(rows), int(columns)), top)
+        return _Grid(evidence, low, cell, (int(rows), int(columns)), top, known)
 
     @property
     def pixel(self) -> float:
@@ -149,16 +153,17 @@ class _Grid:
         at, ahead = self._seen(self.top)
         behind = np.ones(self.shape, bool)
         for height in np.linspace(0.0, self.top, LEVELS)[:-1]:
-            behind &= _share(evidence.mask | ~evidence.known, self._seen(float(height))[0]) > 0.5
+            behind &= _share(evidence.mask | ~self.known, self._seen(float(height))[0]) > 0.5
         full = (_share(evidence.mask, at) > 0.5) & behind & ~self._deeper(at, ahead)
         full = ndimage.binary_opening(ndimage.binary_closing(full, iterations=1), iterations=1)
-        full = completed(_large(full, LEAST_OPENING_M2 / self.cell**2), behind & _at(~evidence.known, at))
+        hidden = _at(~self.known, at)
+        full = completed(_large(full, LEAST_OPENING_M2 / self.cell**2), behind & hidden)
         closed = ndimage.binary_fill_holes(full)
         labels, count = ndimage.label(closed & ~full)
         openings = []
         for number in range(1, count + 1):
             opening = labels == number
-            if np.count_nonzero(opening) * self.cell**2 < LEAST_OPENING_M2:
+            if np.count_nonzero(opening) * self.cell**2 < LEAST_OPENING_M2 or hidden[opening].mean() > MOST_HIDDEN:
                 full |= opening
             else:
                 openings.append((opening, self._floor(opening, at)))
@@ -215,7 +220,7 @@ class _Grid:
         pixels = np.round(at[opening]).astype(int)
         rows = np.clip(pixels[:, 1], 0, len(evidence.mask) - 1)
         columns = np.clip(pixels[:, 0], 0, evidence.mask.shape[1] - 1)
-        open_to_view = evidence.known[rows, columns]
+        open_to_view = self.known[rows, columns]
         if not open_to_view.any():
             return 0.0 if self.top < THIN_M else 0.5 * self.top
         if (~evidence.mask[rows, columns])[open_to_view].mean() > BEYOND:
@@ -266,6 +271,13 @@ def regular(ring: np.ndarray, slack_m: float) -> np.ndarray:
         off[number] = float((given - section).area() + (section - given).area()) / perimeter
     best = min(off, key=lambda number: off[number])
     return (circle, box)[best] if off[best] < slack_m else ring
+
+
+def _standing(evidence: Evidence, top: float) -> np.ndarray:
+    """Pixels (h, w) of other things that reach higher than the top [m], such as one that stands on it."""
+    points = cameras.backproject(evidence.depth, evidence.k)
+    height = transforms.apply(evidence.world_from_camera, points.reshape(-1, 3))[:, 2].reshape(evidence.mask.shape)
+    return np.asarray(~evidence.mask & (evidence.depth > 0) & (height > top + RIM_M))
 
 
 def _section(ring: np.ndarray) -> CrossSection:
