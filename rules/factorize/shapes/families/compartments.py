@@ -29,6 +29,8 @@ LEAST_WRONG = 0.02
 """Smallest fraction of the rays that an empty vessel leaves unexplained: nearer than its inside shows."""
 COST = 0.003
 """Complexity of one divider."""
+ANY = 0.02
+"""Complexity of having dividers at all: noise inside a mug must not become one."""
 HEIGHTS = (1.0, 0.75)
 """Heights of the dividers that are tried, over that of the rim."""
 OWN = 10
@@ -142,7 +144,7 @@ def compartments(evidence: Evidence, vessel: Model, fitted: np.ndarray) -> tuple
         upper=np.array([*vessel.upper, 2 * NARROWEST_M, inf, *(start[OWN + 2 :] + NARROWEST_M)]),
         expected=np.array([*vessel.expected, fitted[8], start[OWN + 1], *more]),
         spread=np.array([*vessel.spread, 0.003, 0.05, *[inf] * count]),
-        cost=vessel.cost + COST * count,
+        cost=vessel.cost + ANY + COST * count,
     )
 
 

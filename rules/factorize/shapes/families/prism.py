@@ -107,7 +107,7 @@ def prism(evidence: Evidence) -> tuple[Stencil, Model] | None:
         steps=np.array([0.001, 0.001, 0.001 / size, 0.001 / size, 0.002]),
         lower=np.array([-np.inf, -np.inf, 0.85, 0.85, SMALLEST_M / 2]),
         upper=np.array([np.inf, np.inf, 1.15, 1.15, 1.5 * grid.top]),
-        cost=0.03,
+        cost=0.05,
     )
     return stencil, model
 
