@@ -7,6 +7,7 @@ import io
 import json
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -64,12 +65,21 @@ def test_a_page_beside_another_operator_says_so(lifting: TaskBundle, tmp_path: P
         await page.until("window.left ? 1 : 0")
         while session.connected:
             await asyncio.sleep(0.1)
-        async with connect(address, compression=None):
+        async with connect(address, compression=None) as other:
+            # One that reads nothing has left.
+            reading = asyncio.create_task(_read(other))
             await page.run("(delete session.link.connect, session.link.connect())")
             words = "another operator is connected"
             await page.until(f"document.getElementById('told').textContent === {json.dumps(words)} ? 1 : 0")
+            reading.cancel()
 
     opened(lifting, tmp_path, "", (), use)
+
+
+async def _read(connection: Any) -> None:
+    """Read all that comes."""
+    async for _ in connection:
+        pass
 
 
 @pytest.mark.timeout(2400)  # takes in slow motion
