@@ -13,12 +13,10 @@ from dextera_build.artifacts.tasks.reasons import spelled
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.policy.added import listed
-from dextera_build.rule import Context, Tolerance, rule
-
-from .synthesis_limits import SynthesisLimits
+from dextera_build.rule import Context, Options, Tolerance, rule
 
 
-class SynthesizeOptions(SynthesisLimits):
+class SynthesizeOptions(Options):
     """Options of demonstrate.synthesize."""
 
     noise_position_m: NonNegativeFloat = 0.003
@@ -43,6 +41,22 @@ class SynthesizeOptions(SynthesisLimits):
     """Standard deviation of the palm's displacement from its path, per axis [m]."""
     recover_rotation_deg: NonNegativeFloat = 5.0
     """Standard deviation of the palm's rotation vector from its path, per axis [deg]."""
+    lag_m: PositiveFloat = 0.02
+    """Episodes in which joint limits keep the palm farther than this from its command are discarded [m]."""
+    press_n: NonNegativeFloat = 2.0
+    """Episodes with an unintended contact above this force are discarded [N]."""
+    depth_m: PositiveFloat = 0.002
+    """Episodes in which the robot or an object penetrates anything by more than this are discarded [m]."""
+    grip_m: PositiveFloat = 0.006
+    """The same where a hand should touch the object, because the pads of fingers are soft [m]."""
+    speed: PositiveFloat = 1.1
+    """Episodes in which a joint moves faster than this multiple of its limit are discarded."""
+    acceleration_rad_s2: PositiveFloat = 8.5
+    """Paths are retimed so that no joint of an arm is accelerated more than this, and episodes in which one is all the
+    same are discarded [rad/s^2]. Makers of arms state speeds and torques, but seldom accelerations; the least
+    accelerated joint of an LBR iiwa was measured at 8.57 rad/s^2 (Drake's model of it)."""
+    hold_s: NonNegativeFloat = 0.5
+    """Episodes whose success does not last for this time are discarded, if the task demands less [s]."""
     tries: PositiveInt = 6
     """Maximum attempts per episode before the shard fails."""
 

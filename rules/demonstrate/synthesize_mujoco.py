@@ -16,12 +16,11 @@ from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.experts import synthesis
 from dextera_build.sim.experts.adapt import Timing
 from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.experts.filters import SETTLE_RAD_S, Filters
 from dextera_build.sim.experts.noise import Noise
 from dextera_build.sim.experts.recovery import Recovery
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.seeds import seed_of
-
-from .synthesis_limits import SETTLE_RAD_S
 
 if TYPE_CHECKING:
     from .synthesize import SynthesizeOptions
@@ -77,7 +76,15 @@ def _manner(options: SynthesizeOptions) -> synthesis.Manner:
     )
     return synthesis.Manner(
         noise=noise,
-        filters=options.filters(),
+        filters=Filters(
+            lag_m=options.lag_m,
+            press_n=options.press_n,
+            depth_m=options.depth_m,
+            grip_m=options.grip_m,
+            speed=options.speed,
+            acceleration_rad_s2=options.acceleration_rad_s2,
+            hold_s=options.hold_s,
+        ),
         timing=Timing(options.speed_m_s, float(np.radians(options.turn_deg_s))),
         nearest=options.nearest,
         recovery=Recovery(options.recover, options.recover_position_m, float(np.radians(options.recover_rotation_deg))),

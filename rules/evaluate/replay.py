@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any, Protocol
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from dextera_build.artifacts.robots.cell import Cell
 from dextera_build.artifacts.tasks.episode import Episode, Episodes
@@ -14,15 +14,14 @@ from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.artifacts.tasks.trials import Attempt, Trials
 from dextera_build.policy.contract import check_data
 from dextera_build.policy.layout import embodiment
-from dextera_build.rule import Context, rule
+from dextera_build.rule import Context, Options, rule
 
-from ..demonstrate.synthesis_limits import SynthesisLimits
 from .attempts import resumed
 from .protocol import TOLERANCE, Record, close, seeds
 from .strip import moments, strip
 
 
-class ReplayOptions(SynthesisLimits):
+class ReplayOptions(Options):
     """Options of evaluate.replay."""
 
     trials: int = Field(50, ge=1)
@@ -39,6 +38,10 @@ class ReplayOptions(SynthesisLimits):
     """Standard deviation of a simulated tracker's positions, per axis; added to the measured ones [m]."""
     tracker_deg: float = Field(0.0, ge=0)
     """Standard deviation of a simulated tracker's rotations, per axis; added to the measured ones [deg]."""
+    lag_m: PositiveFloat = 0.02
+    """Syntheses in which joint limits keep the palm farther than this from its command are discarded [m]."""
+    press_n: NonNegativeFloat = 2.0
+    """Syntheses with an unintended contact above this force are discarded [N]."""
     linger_s: float = Field(1.0, ge=0)
     """Time to hold the last joint targets after the trajectory [s]."""
     strip_frames: int = Field(6, ge=2)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import nullcontext
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,13 +16,13 @@ from dextera_build.artifacts.tasks.trials import Attempt
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.experts import synthesis
 from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.experts.filters import SETTLE_RAD_S, SYNTHESIS
 from dextera_build.sim.experts.synthesis import Manner
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.reconstruction import Tracker
 from dextera_build.sim.runtime.replay import Replay
 from dextera_build.sim.runtime.tracked_cell import TrackedCell
 
-from ..demonstrate.synthesis_limits import SETTLE_RAD_S
 from .filmed import stills as stills
 
 if TYPE_CHECKING:
@@ -47,7 +48,8 @@ def replays(
 ) -> Iterator[Attempt]:
     """One attempt per seed, in order."""
     driver = Driver(Environment(twin), SETTLE_RAD_S)
-    manner = Manner(filters=common.filters(), nearest=common.nearest)
+    filters = replace(SYNTHESIS, lag_m=common.lag_m, press_n=common.press_n)
+    manner = Manner(filters=filters, nearest=common.nearest)
 
     def synthesise(start: Start, seed: int) -> Episode:
         return synthesis.synthesise(driver, sources, start, seed, manner)

@@ -5,19 +5,17 @@ from __future__ import annotations
 import math
 from typing import Any, Protocol
 
-from pydantic import Field, PositiveInt
+from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.robots.cell import Cell
 from dextera_build.artifacts.tasks.episode import Episodes, Shard
 from dextera_build.artifacts.tasks.reasons import spelled
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.policy.contract import check_data
-from dextera_build.rule import Context, Tolerance, rule
-
-from ..demonstrate.synthesis_limits import SynthesisLimits
+from dextera_build.rule import Context, Options, Tolerance, rule
 
 
-class EpisodesOptions(SynthesisLimits):
+class EpisodesOptions(Options):
     """Options of reference.episodes."""
 
     tries: PositiveInt = 3
@@ -26,6 +24,10 @@ class EpisodesOptions(SynthesisLimits):
     """Maximum number of syntheses in the twin per start until one succeeds."""
     nearest: PositiveInt = 5
     """Number of demonstrations with the most similar object pose from which one is drawn."""
+    lag_m: PositiveFloat = 0.02
+    """Syntheses in which joint limits keep the palm farther than this from its command are discarded [m]."""
+    press_n: NonNegativeFloat = 2.0
+    """Syntheses with an unintended contact above this force are discarded [N]."""
     linger_s: float = Field(1.0, ge=0)
     """Time to hold the last joint targets after the trajectory [s]."""
 

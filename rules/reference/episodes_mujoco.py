@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dextera_build.artifacts.robots.cell import Cell
@@ -11,14 +12,13 @@ from dextera_build.policy import layout
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.experts import synthesis
 from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.experts.filters import SETTLE_RAD_S, SYNTHESIS
 from dextera_build.sim.experts.synthesis import Manner
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.recorder import Recorder
 from dextera_build.sim.runtime.replay import Replay
 from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.sim.runtime.tracked_cell import TrackedCell
-
-from ..demonstrate.synthesis_limits import SETTLE_RAD_S
 
 if TYPE_CHECKING:
     from .episodes import EpisodesOptions
@@ -43,7 +43,8 @@ def record(
 ) -> Episodes:
     """Attempt episodes until the shard is full, or the starts are used up."""
     driver, there = Driver(Environment(twin), SETTLE_RAD_S), Environment(world)
-    manner = Manner(filters=common.filters(), nearest=common.nearest)
+    filters = replace(SYNTHESIS, lag_m=common.lag_m, press_n=common.press_n)
+    manner = Manner(filters=filters, nearest=common.nearest)
 
     def synthesise(start: Start, seed: int) -> Episode:
         return synthesis.synthesise(driver, sources, start, seed, manner)

@@ -40,6 +40,15 @@ class Filters:
     """Time for which success must last, if the task demands less [s]."""
 
 
+SYNTHESIS = Filters(
+    lag_m=0.02, press_n=2.0, depth_m=0.002, grip_m=0.006, speed=1.1, acceleration_rad_s2=8.5, hold_s=0.5
+)
+"""The defaults of `demonstrate.synthesize`, for rehearsals of what the other world replays."""
+SETTLE_RAD_S = 0.08
+"""Speed at which redundant joints return to their home in syntheses; a faster return would exceed the limits of
+acceleration [rad/s]."""
+
+
 class Watch:
     """Checks the control periods of episodes.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,9 @@ from dextera_build.artifacts.tasks.episode import Episodes, Shard
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.sim.control.ik import ArmKinematics
+from dextera_build.sim.experts.filters import SYNTHESIS
 from dextera_build.testing import RuleRunner
+from rules.demonstrate.synthesize import SynthesizeOptions
 from tests import episodes, gantry, task_bundles
 
 QUIET = {"noise_position_m": 0.0, "noise_rotation_deg": 0.0, "noise_finger_deg": 0.0}
@@ -108,3 +111,9 @@ def test_of_episodes_with_one_seed_the_first_is_kept(tmp_path: Path) -> None:
     assert list(gathered.items) == ["0", "1"]
     assert gathered.reasons["its start is that of another episode"] == 2
     assert gathered.attempts == one.attempts + other.attempts
+
+
+def test_rehearsals_are_filtered_as_syntheses_are_by_default() -> None:
+    options = SynthesizeOptions().model_dump()
+    filters = {name: value for name, value in asdict(SYNTHESIS).items() if name != "fingers"}
+    assert {name: options[name] for name in filters} == filters
