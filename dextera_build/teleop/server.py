@@ -170,7 +170,8 @@ class Server:
         first = self._operator
         if first is not None and not await self._answers(first):
             first.transport.abort()
-            self._operator = None if self._operator is first else self._operator
+            if self._operator is first:
+                self._operator = None
         if self._operator is not None:
             await connection.close(BUSY, "another operator is connected")
             return

@@ -10,6 +10,7 @@ import numpy as np
 
 from dextera_build.geometry import planes
 
+from .layers import grown
 from .patch import SUPPORT, Patch
 
 SAME_M = 0.04
@@ -51,8 +52,8 @@ def met(
     pairs = [pair for pair in combinations(flat, 2) if _inner(*pair, measured, depth)]
     result = labels.copy()
     _, holes = cv2.connectedComponents(taken.astype(np.uint8), connectivity=4)
-    side = 2 * max(2, round(BESIDE * labels.shape[1])) + 1
-    near = {n: set(np.unique(holes[_grown(measured == n, side) & taken])) for n in flat}
+    reach = max(2, round(BESIDE * labels.shape[1]))
+    near = {n: set(np.unique(holes[grown(measured == n, reach) & taken])) for n in flat}
     for number in (n for n, plane in found.items() if plane is None):
         for plane in _planes_of(points[measured == number], flat):
             result[taken & (result == number) & np.isin(holes, list(near[plane]))] = plane
@@ -79,7 +80,3 @@ def _planes_of(points: np.ndarray, flat: Mapping[int, planes.Plane]) -> list[int
         return []
     away = {n: float(np.median(np.abs(points @ normal + offset))) for n, (normal, offset) in flat.items()}
     return sorted((n for n in away if away[n] < SAME_M), key=lambda n: away[n])
-
-
-def _grown(mask: np.ndarray, side: int) -> np.ndarray:
-    return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((side, side), np.uint8)) > 0)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 
 from dextera_build.artifacts.cameras.camera import Camera, Photograph
@@ -19,7 +18,7 @@ from .ends import BEHIND_M
 from .fixtures import room_boxes, support_boxes, thing_boxes
 from .front import front
 from .hidden import continued
-from .layers import Layers
+from .layers import Layers, grown
 from .outline import broad, outline
 from .patch import SUPPORT, Patch
 from .patches import divide, nearest
@@ -82,11 +81,9 @@ def trimmed(scenery: Scenery, layers: Layers, support: Support) -> tuple[Scenery
     """
     inside = _inside(layers, outline(scenery, support.polygon, layers.hole))
     own = scenery.labels == SUPPORT
-    side = 2 * max(2, round(RIM * own.shape[1])) + 1
-    near = cv2.dilate((own & inside).astype(np.uint8), np.ones((side, side), np.uint8)) > 0
+    reach = max(2, round(RIM * own.shape[1]))
     flat = np.isin(scenery.labels, [p.number for p in scenery.patches if p.plane is not None and p.number != SUPPORT])
-    beside = cv2.dilate(flat.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
-    rim = own & ~inside & layers.hole & near & beside
+    rim = own & ~inside & layers.hole & grown(own & inside, reach) & grown(flat, reach)
     if not rim.any():
         return scenery, rim
     wider = replace(scenery, labels=np.where(rim, nearest(scenery.labels, flat), scenery.labels))

@@ -177,9 +177,14 @@ def _reached(mask: np.ndarray, other: np.ndarray) -> np.ndarray:
     """The parts (H, W) of a mask next to which there is some of `other`."""
     _, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
     kept = np.zeros(int(labels.max()) + 1, bool)
-    side = 2 * _side(mask.shape[1]) + 1
-    kept[labels[cv2.dilate(other.astype(np.uint8), np.ones((side, side), np.uint8)) > 0]] = True
+    kept[labels[grown(other, _side(mask.shape[1]))]] = True
     return np.asarray(mask & kept[labels])
+
+
+def grown(mask: np.ndarray, reach: int) -> np.ndarray:
+    """The mask (H, W) bool with all pixels within `reach` rows and columns of it."""
+    square = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+    return np.asarray(cv2.dilate(mask.astype(np.uint8), square) > 0)
 
 
 def _nearer(first: np.ndarray, second: np.ndarray) -> np.ndarray:

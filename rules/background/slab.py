@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from .holes import shaded
+from .layers import grown
 from .pieces import Piece
 from .scenery import Scenery
 from .synthesis import fill_texture, membrane
@@ -89,8 +90,7 @@ def _continued(colour: np.ndarray, shown: np.ndarray) -> np.ndarray:
     own = shown & shaded(colour.astype(np.uint8), shown, ~shown)
     inner = cv2.erode(own.astype(np.uint8), np.ones((RIM, RIM), np.uint8), borderValue=1) > 0
     source = inner if inner.sum() >= 500 else own
-    side = 2 * EDGE + 1
-    edge = own & (cv2.dilate((~shown).astype(np.uint8), np.ones((side, side), np.uint8)) > 0)
+    edge = own & grown(~shown, EDGE)
     return fill_texture(
         np.where(shown[..., None], colour, 0.0),
         ~shown,

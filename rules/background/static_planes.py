@@ -20,7 +20,7 @@ from . import walls
 from .behind import Behind
 from .furnished import bounded, feet_of, furnished, seen_of, survey, trimmed
 from .holes import hole, remnants, scraps, shaded
-from .layers import SAME_COLOUR, Layers, apart, split
+from .layers import SAME_COLOUR, Layers, apart, grown, split
 from .rectified import top_view
 from .synthesis import fill_texture, membrane, smooth_part
 
@@ -102,8 +102,7 @@ def clean(
         image = _fill_support(image, whole, own, known, photograph.camera, support, options)
     pixels = np.clip(np.round(image), 0, 255).astype(np.uint8)
     # The support's outline is known to a few pixels only: its colour must not bleed into the surfaces behind it.
-    square = np.ones((2 * max(1, round(0.01 * taken.shape[1])) + 1,) * 2, np.uint8)
-    near = cv2.dilate(whole.behind.astype(np.uint8), square) > 0
+    near = grown(whole.behind, max(1, round(0.01 * taken.shape[1])))
     pixels = _inpaint(pixels, bare & ~beyond, near)
     scenery = survey(pixels, empty, layers.behind, bare, beyond, photograph.camera, support, options.step_m)
     scenery, rim = trimmed(scenery, layers, support)

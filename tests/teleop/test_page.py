@@ -77,7 +77,7 @@ def test_a_page_beside_another_operator_says_so(lifting: TaskBundle, tmp_path: P
 
 
 async def _read(connection: Any) -> None:
-    """Read all that comes."""
+    """Read every message until the connection is closed."""
     async for _ in connection:
         pass
 
