@@ -10,6 +10,7 @@ from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -220,27 +221,33 @@ class RosCell:
 
     def _listen(self) -> None:
         topics, subscribe = self._topics, self._transport.subscribe
-        subscribe(topics.joints, partial(self._heard, topics.joints, self.state, self._joints))
-        subscribe(topics.displacement, partial(self._heard, topics.displacement, self.displacement, self._inner))
+        subscribe(topics.joints, partial(self._heard, topics.joints, self.state, self._joints.positions))
+        subscribe(
+            topics.displacement, partial(self._heard, topics.displacement, self.displacement, self._inner.positions)
+        )
         subscribe(topics.objects, self._placed)
         subscribe(SIMULATED, self._stated)
         for camera, topic in topics.pictures.items():
             subscribe(topic, partial(self._shown, camera, topic))
         for camera, topic in topics.depths.items() if "depth" in self._needed else ():
-            subscribe(topic, partial(self._ranged, self.depths[camera], topic))
+            subscribe(topic, partial(self._heard, topic, self.depths[camera], _whole))
 
     def _stated(self, message: bytes, arrived: int) -> None:
         self._record(SIMULATED, message, arrived)
         with suppress(wire.UnusableError):
             self.world = str(wire.unpacked(SIMULATED.kind, message).data)
 
-    def _heard(self, topic: Topic, stream: Stream, joints: wire.Joints, message: bytes, arrived: int) -> None:
+    def _heard(self, topic: Topic, stream: Stream, read: Callable[[Any], Any], message: bytes, arrived: int) -> Any:
+        """Add what `read` finds in a message to its stream, and return it; None if the message is of no use."""
         self._record(topic, message, arrived)
         try:
-            state = wire.unpacked(topic.kind, message)
-            stream.add(Sample(wire.stamp_of(state.header), arrived, joints.positions(state)))
+            found = wire.unpacked(topic.kind, message)
+            sample = Sample(wire.stamp_of(found.header), arrived, read(found))
+            stream.add(sample)
         except wire.UnusableError as error:
             stream.broken(str(error))
+            return None
+        return sample.value
 
     def _placed(self, message: bytes, arrived: int) -> None:
         self._record(self._topics.objects, message, arrived)
@@ -256,24 +263,12 @@ class RosCell:
 
     def _shown(self, camera: str, topic: Topic, message: bytes, arrived: int) -> None:
         stream = self.pictures[camera]
-        self._record(topic, message, arrived)
-        try:
-            picture = wire.unpacked(topic.kind, message)
-            stream.add(Sample(wire.stamp_of(picture.header), arrived, picture))
-        except wire.UnusableError as error:
-            stream.broken(str(error))
+        picture = self._heard(topic, stream, _whole, message, arrived)
+        if picture is None:
             return
         last = self.state.last
         if self._frozen[camera].add(bytes(picture.data), arrived, None if last is None else last.value):
             stream.fault = stream.fault or f"`{camera}` shows the same picture while the robot moves"
-
-    def _ranged(self, stream: Stream, topic: Topic, message: bytes, arrived: int) -> None:
-        self._record(topic, message, arrived)
-        try:
-            depth = wire.unpacked(topic.kind, message)
-            stream.add(Sample(wire.stamp_of(depth.header), arrived, depth))
-        except wire.UnusableError as error:
-            stream.broken(str(error))
 
     def _check(self) -> None:
         """Raise if the measurements or the recording are of no use."""
@@ -327,3 +322,8 @@ class RosCell:
                 self._rays = cameras.rays(depth.shape[0], depth.shape[1], self._camera.matrix()).astype(np.float32)
             cloud = depth[..., None] * self._rays
         return Frame(rgb, depth, cloud)
+
+
+def _whole(message: Any) -> Any:
+    """A message that is a measurement as it is."""
+    return message
