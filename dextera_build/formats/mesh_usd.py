@@ -113,12 +113,8 @@ def parts(path: Path, folder: Path) -> tuple[Iterator[Part], float, str]:
             a layer or texture is missing.
         ArtifactError: It has too many prims.
     """
-    from pxr import UsdGeom
-
     stage = stage_files.opened(path, folder)
-    unit, up = UsdGeom.GetStageMetersPerUnit(stage), str(UsdGeom.GetStageUpAxis(stage)).lower()
-    if up not in ("y", "z"):
-        raise ValueError(f"its up axis is `{up}`, neither `Y` nor `Z`")
+    unit, up = stage_files.units(stage)
     return _every(stage, path, folder), unit, up
 
 
@@ -133,7 +129,7 @@ def _every(stage: Any, path: Path, folder: Path) -> Iterator[Part]:
                 yield from _parts(UsdGeom.Mesh(prim), placed, path, folder)
             except Tf.ErrorException as error:  # values of a binary file are unpacked only here
                 raise ValueError(stage_files.said(error)) from None
-            except (TypeError, IndexError):  # any attribute may hold a value of any type
+            except (TypeError, IndexError, AttributeError):  # any attribute may hold a value of any type
                 raise ValueError(f"an attribute of `{prim.GetPath()}` holds another type or count of values") from None
 
 

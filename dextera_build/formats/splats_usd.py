@@ -79,11 +79,11 @@ def load(path: str | Path, *, frame: str | None = None) -> Splats:
         made = _gaussians(UsdVol.ParticleField3DGaussianSplat(fields[0]))
         placed = np.array(UsdGeom.Xformable(fields[0]).ComputeLocalToWorldTransform(Usd.TimeCode.Default())).T
         scale, motion = _similarity(placed)
+        unit, up = stage_files.units(stage)
     except ValueError as error:
         raise unreadable(path, "USD of 3D Gaussians", error) from None
-    if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y:
+    if up == "y":
         motion = transforms.rigid(np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), np.zeros(3)) @ motion
-    unit = UsdGeom.GetStageMetersPerUnit(stage)
     motion = transforms.rigid(motion[:3, :3], unit * motion[:3, 3])
     told = fields[0].GetCustomDataByKey(_FRAME) or ""
     same = scale * unit == 1 and np.array_equal(motion, np.eye(4))

@@ -42,6 +42,23 @@ def opened(path: Path, folder: Path) -> Any:
         raise ValueError(said(error)) from None
 
 
+def units(stage: Any) -> tuple[float, str]:
+    """Metres per unit of a stage, and its up axis, `y` or `z`.
+
+    Raises:
+        ValueError: One of them holds a value of another type, or the axis is another.
+    """
+    from pxr import Tf, UsdGeom
+
+    try:
+        unit, up = UsdGeom.GetStageMetersPerUnit(stage), str(UsdGeom.GetStageUpAxis(stage)).lower()
+    except Tf.ErrorException as error:
+        raise ValueError(said(error)) from None
+    if up not in ("y", "z"):
+        raise ValueError(f"its up axis is `{up}`, neither `Y` nor `Z`")
+    return unit, up
+
+
 def packed(path: Path, write: Callable[[Path], object]) -> list[Path]:
     """Write a package `.usdz` of a stage and all files that it names.
 

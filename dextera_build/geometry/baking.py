@@ -88,6 +88,8 @@ def _repeated(uv: np.ndarray, picture: np.ndarray) -> tuple[np.ndarray, np.ndarr
     """Coordinates within 0..1 in a picture with as many copies as a face shows at once."""
     if uv.min() >= 0 and uv.max() <= 1:
         return uv, picture
+    if not np.isfinite(uv).all():
+        raise ValueError("its texture coordinates are not all finite")
     uv = uv - np.floor(uv.min(axis=1, keepdims=True) + 1e-6)
     copies = np.maximum(np.ceil(uv.max(axis=(0, 1)) - 1e-4), 1).astype(int)
     if (copies > _REPEATS).any() or (copies * picture.shape[1::-1] > LARGEST_PX).any():

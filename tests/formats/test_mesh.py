@@ -220,7 +220,7 @@ def broken(folder: Path, name: str) -> Path:
     elif name == "bare.obj":
         PAINTED.save(path)
         path.with_suffix(".mtl").unlink()
-    elif name == "blank.obj":
+    elif name in ("blank.obj", "blank.usda"):
         PAINTED.save(path)
         path.with_suffix(".png").unlink()
     elif name == "points.ply":
@@ -234,9 +234,10 @@ def broken(folder: Path, name: str) -> Path:
         path.write_text((STAGE % ("rightHanded", "constant")).replace('upAxis = "Y"', 'upAxis = "W"'))
     elif name == "words.usda":
         path.write_text((STAGE % ("rightHanded", "constant")).replace("point3f[] points", "words[] points"))
-    elif name == "blank.usda":
-        PAINTED.save(path)
-        path.with_suffix(".png").unlink()
+    elif name == "units.usdc":
+        PLAIN.save(path)
+        metre, single = b"\0\0\x80?\0\0\x09@", b"\0\0\x80?\0\0\x08@"  # 1 as a double, and as a float
+        path.write_bytes(path.read_bytes().replace(metre, single))
     elif name != "absent.obj":
         path.write_bytes(b"nothing of the kind")
     return path
@@ -260,6 +261,7 @@ def broken(folder: Path, name: str) -> Path:
         ("cut.usda", "USD", "the faces of `/Top/Table` are not whole"),
         ("tilted.usda", "USD", "its up axis is `w`, neither `Y` nor `Z`"),
         ("words.usda", "USD", "an attribute of `/Top/Table` holds another type or count of values"),
+        ("units.usdc", "USD", "does not match retrieved type float"),
         ("blank.usda", "USD", "the texture `./a.png` is missing"),
     ],
 )

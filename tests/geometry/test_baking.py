@@ -97,6 +97,9 @@ def test_what_does_not_fit_into_a_texture_is_refused(monkeypatch):
     far = Part(TRIANGLE, FACE, uv=np.array([[[0.0, 0], [99, 0], [0, 1]]]), picture=picture)
     with pytest.raises(ValueError, match="its picture repeats 99 x 1 times across a face"):
         baking.joined([far])
+    nowhere = Part(TRIANGLE, FACE, uv=np.array([[[0.0, 0], [np.nan, 0], [0, 1]]]), picture=picture)
+    with pytest.raises(ValueError, match="its texture coordinates are not all finite"):
+        baking.joined([nowhere])
     monkeypatch.setattr(baking, "LARGEST_PX", 10)
     many = Part(np.tile(TRIANGLE, (30, 1)), np.arange(90).reshape(30, 3), corners=RNG.uniform(0, 1, (30, 3, 3)))
     with pytest.raises(ValueError, match="its 30 faces have colours of their own"):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import gc
 import os
+import resource
 import signal
 import traceback
 from collections.abc import Callable
@@ -39,6 +40,7 @@ PAINTED = MESH.model_copy(update={"uv": np.zeros((12, 3, 2), np.float32), "textu
 CAMERA = Camera(width=640, height=480, fx=500.0, fy=500.0, cx=319.5, cy=239.5)
 
 Reader = Callable[[Path], Any]
+ROOM_BYTES = 8 << 30
 
 
 def robot(path: Path) -> Any:
@@ -90,6 +92,7 @@ def ended(read: Callable[[], Any]) -> int:
     child = os.fork()
     if not child:
         gc.disable()  # it would write to, and so copy, all memory of this process
+        resource.setrlimit(resource.RLIMIT_DATA, (ROOM_BYTES, ROOM_BYTES))  # else USD takes what a torn table says
         status = 1
         try:
             with suppress(DxbError):
