@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -110,4 +112,29 @@ def doubted(name: str, confidence: float) -> Material:
         bulk_sigma=spread("bulk_density", "bulk_sigma", log=True),
         friction_sigma=spread("friction", "friction_sigma"),
         restitution_sigma=spread("restitution", "restitution_sigma"),
+    )
+
+
+def mixed(shares: Mapping[str, float], rest: Material) -> Material:
+    """A material with the friction and restitution of a mixture: mean and standard deviation over its parts.
+
+    Args:
+        shares: Key of `TABLE` -> probability; what they lack of 1 is that of `rest`.
+        rest: A material, which gives the densities, too.
+    """
+    parts = [*((share, TABLE[name]) for name, share in shares.items()), (1.0 - sum(shares.values()), rest)]
+
+    def moments(centre: str, sigma: str) -> tuple[float, float]:
+        mean = sum(share * getattr(part, centre) for share, part in parts)
+        square = sum(share * ((getattr(part, centre) - mean) ** 2 + getattr(part, sigma) ** 2) for share, part in parts)
+        return mean, math.sqrt(square)
+
+    friction, friction_sigma = moments("friction", "friction_sigma")
+    restitution, restitution_sigma = moments("restitution", "restitution_sigma")
+    return replace(
+        rest,
+        friction=friction,
+        friction_sigma=friction_sigma,
+        restitution=restitution,
+        restitution_sigma=restitution_sigma,
     )

@@ -1,9 +1,9 @@
 """Mass of a body from things of a household of about its size and shape.
 
 Every thing of the table predicts the mass by its own mass per volume of its smallest box, with a weight that falls with
-the difference of the sides and of the shape class, and grows with the words that its name shares with what a
-vision-language model calls the body. The mass is the mixture of these predictions and of one without the table, times
-the likelihood of the mass that the model estimates.
+the difference of the sides, of the shape class and of the colour, and grows with the words that its name shares with
+what a vision-language model calls the body. The mass is the mixture of these predictions and of one without the table,
+times the likelihood of the mass that the model estimates.
 """
 
 from __future__ import annotations
@@ -34,6 +34,10 @@ OTHER_MATERIAL = 0.05
 """Likelihood of a material that contradicts the stated one."""
 NAMED = 30.0
 """Likelihood of a thing whose name has all of its words in what a model calls the body, over that of one with none."""
+COLOURS = ("black", "blue", "brown", "gray", "green", "orange", "pink", "purple", "red", "teal", "white", "yellow")
+"""Words of colours; parsing gives every body one of them."""
+OWN_COLOUR = 0.9
+"""Probability that a thing whose colours are known has one of them in a photograph; an assumption."""
 CLASSES: dict[str, dict[str, float]] = {
     "box": {"box": 1.0, "object": 0.3, "laptop": 0.3},
     "cylinder": {"cylinder": 1.0, "object": 0.4, "mug": 0.2, "box": 0.1},
@@ -65,6 +69,8 @@ class Thing:
     material: str
     """Key of the material table; empty: none of it."""
     source: str
+    colours: frozenset[str]
+    """Words of the colours of such things; empty: any."""
 
     @property
     def word(self) -> str:
@@ -82,6 +88,8 @@ class Mass:
     """The 5 %, 50 % and 95 % quantile [kg]."""
     likely: tuple[str, ...]
     """The two things that are most like it, the nearest first."""
+    materials: dict[str, float]
+    """Key of the material table -> probability; the rest: nothing of the table tells."""
 
 
 @cache
@@ -98,6 +106,7 @@ def things() -> tuple[Thing, ...]:
             float(row[7]) / 1000.0,
             row[8],
             row[9],
+            frozenset(row[10].split("|") if len(row) > 10 else ()),
         )
         for row in rows
     )
@@ -121,6 +130,8 @@ class Told:
     """Key of its material if that is certain."""
     word: str = ""
     """What it is called by its outline, `can`; not used beside a phrase."""
+    colour: str = ""
+    """One of `COLOURS`."""
     phrase: str = ""
     """What a vision-language model calls it."""
     mass_kg: Interval | None = None
@@ -144,7 +155,11 @@ def mass_of(sides_m: np.ndarray, told: Told, unknown: Quantiles, known: Sequence
     volume = float(np.prod(sides_m))
     masses = [_mass(thing, volume) for thing in table]
     low, middle, high = of_mixture(shares, [*masses, unknown], told.mass_kg)
-    return Mass(low, middle, high, tuple(table[n].name for n in np.argsort(-weights)[:2]))
+    materials: dict[str, float] = {}
+    for thing, share in zip(table, shares.tolist(), strict=False):
+        if thing.material:
+            materials[thing.material] = materials.get(thing.material, 0.0) + share
+    return Mass(low, middle, high, tuple(table[n].name for n in np.argsort(-weights)[:2]), materials)
 
 
 def _mass(thing: Thing, volume: float) -> Quantiles:
@@ -155,15 +170,24 @@ def _mass(thing: Thing, volume: float) -> Quantiles:
 
 
 def _likeness(thing: Thing, sides_m: np.ndarray, told: Told) -> float:
-    """Density of the logarithms of the sides, times the probability of the class, of the material and of the name."""
+    """Density of the logarithms of the sides, times the probability of the class, material, name and colour."""
     sigma = math.hypot(thing.sigma, ALIKE)
     z = np.log(np.asarray(sides_m) / np.array(thing.sides_m)) / sigma
     shapes = CLASSES[thing.kind]
     made = 1.0 if not told.material or told.material == thing.material else OTHER_MATERIAL
-    alike = math.exp(-0.5 * float(z @ z)) / sigma**3 * made * _named(thing, told.phrase)
+    alike = math.exp(-0.5 * float(z @ z)) / sigma**3 * made * _named(thing, told.phrase) * _coloured(thing, told.colour)
     return alike * shapes.get(told.category, LEAST) / sum(shapes.values()) + 1e-12
 
 
 def _named(thing: Thing, phrase: str) -> float:
     own = thing.name.split()
     return NAMED ** (len(set(own) & set(phrase.lower().split())) / len(own)) if phrase else 1.0
+
+
+def _coloured(thing: Thing, colour: str) -> float:
+    """Probability of the colour over that of a thing that may have any."""
+    if not colour or not thing.colours:
+        return 1.0
+    own = len(thing.colours)
+    chance = OWN_COLOUR / own if colour in thing.colours else (1.0 - OWN_COLOUR) / (len(COLOURS) - own)
+    return len(COLOURS) * chance

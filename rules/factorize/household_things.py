@@ -1,9 +1,10 @@
 """Things of a household: sizes, masses and materials of about 250 products.
 
 A row has a name, a kind, the three sides of the smallest box in falling order [mm], the standard deviation of
-their logarithms, the 5 % and the 95 % quantile of the mass [g], a key of the material table (empty: none of it),
-and a source: `ycb` (sizes and masses as published with the YCB object set, Calli et al. 2015, widened to products
-of the same kind) or `shop` (estimates for common products, not measured).
+their logarithms, the 5 % and the 95 % quantile of the mass [g], a key of the material table (empty: none of it), by
+which friction and restitution are known, and a source: `ycb` (sizes and masses as published with the YCB object set,
+Calli et al. 2015, widened to products of the same kind) or `shop` (estimates for common products, not measured). A
+thing whose colour belongs to what it is has the words of its colours in an eleventh column.
 """
 
 from __future__ import annotations
@@ -19,28 +20,28 @@ tuna can,cylinder,85,85,33,0.05,140,205,metal,ycb
 pudding box,box,110,89,35,0.05,155,220,cardboard,ycb
 gelatin box,box,85,73,28,0.05,80,116,cardboard,ycb
 potted meat can,box,97,82,50,0.05,310,430,metal,ycb
-banana,object,190,45,36,0.12,60,180,food,ycb
-strawberry,object,55,44,44,0.15,12,35,food,ycb
-apple,ball,75,75,75,0.12,65,240,food,ycb
-lemon,ball,68,54,54,0.12,28,150,food,ycb
-peach,ball,59,59,59,0.15,32,180,food,ycb
-pear,object,100,66,66,0.12,48,220,food,ycb
-orange,ball,73,73,73,0.10,46,220,food,ycb
-plum,ball,52,52,52,0.15,24,90,food,ycb
+banana,object,190,45,36,0.12,60,180,food,ycb,yellow|green|brown
+strawberry,object,55,44,44,0.15,12,35,food,ycb,red|pink
+apple,ball,75,75,75,0.12,65,240,food,ycb,red|green|yellow|pink
+lemon,ball,68,54,54,0.12,28,150,food,ycb,yellow
+peach,ball,59,59,59,0.15,32,180,food,ycb,orange|pink|red|yellow
+pear,object,100,66,66,0.12,48,220,food,ycb,green|yellow
+orange,ball,73,73,73,0.10,46,220,food,ycb,orange
+plum,ball,52,52,52,0.15,24,90,food,ycb,purple|red|black
 pitcher,mug,235,145,108,0.06,150,900,plastic,ycb
 bleach bottle,bottle,250,98,65,0.05,900,1300,plastic,ycb
 glass cleaner bottle,bottle,270,105,80,0.06,850,1200,plastic,ycb
-metal bowl,bowl,159,159,53,0.08,120,250,metal,ycb
-metal mug,mug,117,93,82,0.06,95,150,metal,ycb
+metal bowl,bowl,159,159,53,0.08,120,250,metal,ycb,gray|white
+metal mug,mug,117,93,82,0.06,95,150,metal,ycb,gray|white
 sponge,box,114,72,14,0.10,4,12,fabric,ycb
-skillet,object,455,270,60,0.08,700,1400,metal,ycb
+skillet,object,455,270,60,0.08,700,1400,metal,ycb,black|gray
 dinner plate,bowl,258,258,24,0.06,240,650,ceramic,ycb
-fork,object,198,20,14,0.10,25,55,metal,ycb
-spoon,object,195,20,14,0.10,22,55,metal,ycb
-table knife,object,215,20,14,0.10,25,80,metal,ycb
+fork,object,198,20,14,0.10,25,55,metal,ycb,gray|white
+spoon,object,195,20,14,0.10,22,55,metal,ycb,gray|white
+table knife,object,215,20,14,0.10,25,80,metal,ycb,gray|white
 spatula,object,350,83,35,0.10,40,90,plastic,ycb
 cordless drill,object,187,184,46,0.08,800,1500,plastic,ycb
-wood block,box,206,90,90,0.05,550,900,wood,ycb
+wood block,box,206,90,90,0.05,550,900,wood,ycb,brown|orange|yellow
 scissors,object,200,87,14,0.10,50,120,metal,ycb
 padlock,object,65,47,27,0.12,150,340,metal,ycb
 large marker,cylinder,121,18,18,0.08,12,22,plastic,ycb
@@ -51,11 +52,11 @@ small clamp,object,85,65,27,0.10,15,35,plastic,ycb
 medium clamp,object,120,90,27,0.10,45,80,plastic,ycb
 large clamp,object,202,125,36,0.10,110,240,plastic,ycb
 mini soccer ball,ball,140,140,140,0.05,90,160,rubber,ycb
-softball,ball,96,96,96,0.05,165,220,rubber,ycb
-baseball,ball,75,75,75,0.05,130,165,rubber,ycb
-tennis ball,ball,65,65,65,0.04,54,62,rubber,ycb
+softball,ball,96,96,96,0.05,165,220,rubber,ycb,yellow|green|white
+baseball,ball,75,75,75,0.05,130,165,rubber,ycb,white
+tennis ball,ball,65,65,65,0.04,54,62,rubber,ycb,yellow|green
 racquetball,ball,55,55,55,0.04,38,46,rubber,ycb
-golf ball,ball,43,43,43,0.04,43,49,rubber,ycb
+golf ball,ball,43,43,43,0.04,43,49,rubber,ycb,white
 foam brick,box,77,52,50,0.06,15,45,fabric,ycb
 die,box,16,16,16,0.10,3,7,plastic,ycb
 stacking cup large,mug,95,95,73,0.10,24,45,plastic,ycb
@@ -88,10 +89,10 @@ detergent box,box,250,170,80,0.12,900,2200,cardboard,shop
 light bulb box,box,120,65,65,0.12,50,140,cardboard,shop
 playing cards,box,92,65,20,0.08,85,115,paper,shop
 board game,box,295,295,70,0.15,700,2200,cardboard,shop
-small parcel,box,200,140,60,0.25,120,900,cardboard,shop
-parcel,box,300,220,120,0.25,300,3000,cardboard,shop
+small parcel,box,200,140,60,0.25,120,900,cardboard,shop,brown|orange
+parcel,box,300,220,120,0.25,300,3000,cardboard,shop,brown|orange
 shoe box,box,330,200,120,0.10,300,1300,cardboard,shop
-egg carton,box,250,105,70,0.15,250,720,cardboard,shop
+egg carton,box,250,105,70,0.15,250,720,cardboard,shop,gray|brown
 milk carton,box,240,75,75,0.10,900,1150,cardboard,shop
 juice carton,box,195,92,62,0.10,950,1150,cardboard,shop
 drink carton,box,120,63,40,0.10,190,290,cardboard,shop
@@ -124,8 +125,8 @@ cream jar,cylinder,60,60,45,0.20,50,160,plastic,shop
 vitamin bottle,bottle,110,60,60,0.15,60,220,plastic,shop
 pill bottle,bottle,80,40,40,0.15,20,80,plastic,shop
 candle,cylinder,100,70,70,0.25,150,450,,shop
-toilet paper roll,cylinder,110,110,100,0.10,70,170,paper,shop
-kitchen roll,cylinder,230,115,115,0.10,120,320,paper,shop
+toilet paper roll,cylinder,110,110,100,0.10,70,170,paper,shop,white
+kitchen roll,cylinder,230,115,115,0.10,120,320,paper,shop,white
 adhesive tape roll,cylinder,110,110,48,0.15,80,300,plastic,shop
 battery pack,box,110,85,18,0.20,40,200,plastic,shop
 battery,cylinder,50,14,14,0.10,20,26,metal,shop
@@ -155,7 +156,7 @@ coffee mug,mug,118,95,83,0.10,270,420,ceramic,shop
 large mug,mug,135,110,95,0.12,330,550,ceramic,shop
 espresso cup,mug,85,65,60,0.15,90,180,ceramic,shop
 tea cup,mug,115,95,60,0.12,120,260,ceramic,shop
-paper cup,mug,110,85,85,0.12,8,30,paper,shop
+paper cup,mug,110,85,85,0.12,8,30,paper,shop,white|brown
 plastic cup,mug,120,85,85,0.15,10,90,plastic,shop
 drinking glass,mug,130,75,75,0.15,180,400,glass,shop
 wine glass,object,210,80,80,0.12,110,220,glass,shop
@@ -166,43 +167,43 @@ cereal bowl,bowl,160,160,65,0.10,280,550,ceramic,shop
 small bowl,bowl,115,115,50,0.12,130,320,ceramic,shop
 salad bowl,bowl,230,230,85,0.12,450,1300,ceramic,shop
 plastic bowl,bowl,170,170,70,0.20,60,200,plastic,shop
-mixing bowl,bowl,240,240,120,0.12,250,800,metal,shop
+mixing bowl,bowl,240,240,120,0.12,250,800,metal,shop,gray|white
 soup plate,bowl,225,225,45,0.08,350,650,ceramic,shop
 side plate,bowl,190,190,20,0.10,180,420,ceramic,shop
 plastic plate,bowl,235,235,22,0.12,20,180,plastic,shop
 saucer,bowl,150,150,20,0.10,120,260,ceramic,shop
 tray,box,420,300,30,0.20,300,1300,plastic,shop
-wicker basket,bowl,280,200,110,0.25,120,600,,shop
+wicker basket,bowl,280,200,110,0.25,120,600,,shop,brown|orange|yellow
 plastic basket,bowl,300,220,130,0.25,150,600,plastic,shop
 food container,box,190,130,70,0.20,80,1100,plastic,shop
 lunch box,box,210,150,60,0.20,120,900,plastic,shop
-sauce pan,object,340,180,110,0.15,500,1500,metal,shop
-cooking pot,object,300,230,140,0.15,900,2500,metal,shop
-cutting board,box,350,240,15,0.18,400,1800,wood,shop
-rolling pin,cylinder,400,55,55,0.15,250,700,wood,shop
-whisk,object,270,65,65,0.15,50,140,metal,shop
-ladle,object,300,90,70,0.15,60,160,metal,shop
+sauce pan,object,340,180,110,0.15,500,1500,metal,shop,gray|black
+cooking pot,object,300,230,140,0.15,900,2500,metal,shop,gray|black
+cutting board,box,350,240,15,0.18,400,1800,wood,shop,brown|orange|yellow|white
+rolling pin,cylinder,400,55,55,0.15,250,700,wood,shop,brown|orange|yellow
+whisk,object,270,65,65,0.15,50,140,metal,shop,gray
+ladle,object,300,90,70,0.15,60,160,metal,shop,gray|black
 peeler,object,170,60,20,0.18,30,90,metal,shop
-grater,object,230,110,80,0.15,150,400,metal,shop
+grater,object,230,110,80,0.15,150,400,metal,shop,gray
 can opener,object,175,55,50,0.12,100,280,metal,shop
 corkscrew,object,150,70,30,0.18,80,250,metal,shop
-egg,ball,58,44,44,0.06,50,70,food,shop
-tomato,ball,68,68,60,0.15,80,200,food,shop
-potato,object,100,65,60,0.20,100,320,food,shop
-onion,ball,75,75,70,0.15,90,250,food,shop
-carrot,object,180,30,30,0.20,50,140,food,shop
-cucumber,object,270,45,45,0.18,200,500,food,shop
-bell pepper,object,95,80,80,0.15,120,260,food,shop
-avocado,object,105,72,72,0.12,150,300,food,shop
-lime,ball,55,48,48,0.12,50,100,food,shop
-kiwi,ball,68,52,52,0.10,70,120,food,shop
-mango,object,115,80,75,0.15,200,450,food,shop
-pineapple,object,280,120,120,0.15,900,2000,food,shop
-bread loaf,object,270,120,110,0.18,400,900,food,shop
-bagel,object,110,110,40,0.12,80,130,food,shop
-croissant,object,150,80,60,0.18,45,95,food,shop
-laptop 13 inch,laptop,310,215,16,0.06,1100,1600,electronics,shop
-laptop 15 inch,laptop,355,245,19,0.06,1500,2300,electronics,shop
+egg,ball,58,44,44,0.06,50,70,food,shop,white|brown|orange|pink
+tomato,ball,68,68,60,0.15,80,200,food,shop,red|orange
+potato,object,100,65,60,0.20,100,320,food,shop,brown|yellow|orange
+onion,ball,75,75,70,0.15,90,250,food,shop,brown|orange|white|purple
+carrot,object,180,30,30,0.20,50,140,food,shop,orange
+cucumber,object,270,45,45,0.18,200,500,food,shop,green
+bell pepper,object,95,80,80,0.15,120,260,food,shop,red|green|yellow|orange
+avocado,object,105,72,72,0.12,150,300,food,shop,green|black|brown
+lime,ball,55,48,48,0.12,50,100,food,shop,green
+kiwi,ball,68,52,52,0.10,70,120,food,shop,brown|green
+mango,object,115,80,75,0.15,200,450,food,shop,green|yellow|orange|red
+pineapple,object,280,120,120,0.15,900,2000,food,shop,brown|orange|yellow|green
+bread loaf,object,270,120,110,0.18,400,900,food,shop,brown|orange
+bagel,object,110,110,40,0.12,80,130,food,shop,brown|orange
+croissant,object,150,80,60,0.18,45,95,food,shop,brown|orange
+laptop 13 inch,laptop,310,215,16,0.06,1100,1600,electronics,shop,gray|black|white
+laptop 15 inch,laptop,355,245,19,0.06,1500,2300,electronics,shop,gray|black|white
 tablet,box,250,170,8,0.10,350,700,electronics,shop
 smartphone,box,150,72,8,0.07,140,235,electronics,shop
 remote control,box,180,45,22,0.18,60,160,plastic,shop
@@ -241,20 +242,20 @@ toy car,object,75,32,25,0.20,30,80,metal,shop
 toy bus,object,170,70,60,0.25,90,350,plastic,shop
 toy truck,object,250,110,120,0.25,250,900,plastic,shop
 toy brick large,box,64,32,24,0.15,8,20,plastic,shop
-wooden cube,box,45,45,45,0.25,25,120,wood,shop
-rubber duck,object,90,80,75,0.25,30,90,rubber,shop
+wooden cube,box,45,45,45,0.25,25,120,wood,shop,brown|orange|yellow
+rubber duck,object,90,80,75,0.25,30,90,rubber,shop,yellow
 hand brush,object,270,70,50,0.18,90,260,plastic,shop
 hair brush,object,230,65,40,0.15,60,150,plastic,shop
 toothbrush,object,190,18,15,0.10,12,25,plastic,shop
 razor,object,145,42,28,0.15,15,60,plastic,shop
 thermometer,object,130,22,14,0.20,8,40,plastic,shop
-pliers,object,185,55,20,0.15,130,320,metal,shop
+pliers,object,185,55,20,0.15,130,320,metal,shop,gray|red|blue
 tape measure,object,75,70,38,0.15,120,350,metal,shop
 utility knife,object,165,38,22,0.15,50,180,metal,shop
 spirit level,box,400,55,22,0.25,200,600,metal,shop
 hot glue gun,object,190,150,40,0.15,180,400,plastic,shop
 heat gun,object,255,200,85,0.12,550,900,plastic,shop
 dustpan,object,310,220,60,0.15,150,350,plastic,shop
-brick,box,240,115,71,0.06,2300,3600,,shop
-stone,object,110,80,60,0.35,400,1600,,shop
+brick,box,240,115,71,0.06,2300,3600,,shop,red|brown|orange
+stone,object,110,80,60,0.35,400,1600,,shop,gray|brown|black|white
 """

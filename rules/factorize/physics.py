@@ -22,7 +22,7 @@ from dextera_build.artifacts.objects.object import (
 from dextera_build.artifacts.objects.view import Traits
 from dextera_build.errors import did_you_mean, listing
 from dextera_build.geometry import massprops
-from dextera_build.geometry.materials import TABLE, Material, doubted
+from dextera_build.geometry.materials import TABLE, Material, doubted, mixed
 from dextera_build.rule import Context, Fraction, Options, rule
 from dextera_build.statistics import Z90
 
@@ -58,7 +58,7 @@ class PhysicsOptions(Options):
     """Relative standard deviation of the volume of a shape whose backend states no uncertainty."""
 
 
-@rule(version=5)
+@rule(version=6)
 def physics(
     ctx: Context,
     body: Body,
@@ -72,9 +72,10 @@ def physics(
 
     The mass of a body with a cavity is the material's density times the volume of its walls. Any other body has unseen
     contents and voids, so the bulk density of such products is used. If the material's products are containers, the
-    mass is that of things of a household with about its size and shape, see `household`; with joints, the interval
-    extends down to the mass of the walls alone. Both need the size in metres, which
-    `placement` and `support` give; without them, meshes are in metres. While it is unknown, neither is applied.
+    mass is that of things of a household with about its size, shape and colour, see `household`, and friction and
+    restitution are those of their materials, unless the material is certain; with joints, the interval extends down to
+    the mass of the walls alone. Both need the size in metres, which `placement` and `support` give; without them,
+    meshes are in metres. While it is unknown, neither is applied.
 
     The interval of the mass combines the uncertainties of the density, of the volume, of the unseen surface or the
     walls, and of the second-best hypothesis. The lower the confidence of the material, the more the intervals of
@@ -99,14 +100,13 @@ def physics(
     estimate = traits.estimate if name == traits.material else None
     if options.mass_kg is None and size is not None:
         told = _told(traits, name if confidence == 1.0 else "", estimate)
-        links, source = _compared(links, source, body, size, told, material, options)
+        links, source, material = _compared(links, source, body, size, told, material, options)
     mass, low, high = (
         sum(getattr(link, name) for link in links.values()) for name in ("mass_kg", "mass_low_kg", "mass_high_kg")
     )
     ctx.metric("mass", mass, "kg")
     ctx.metric("volume", sum(solid.volume for solid in solids.values()) * 1e6, "cm3")
-    if estimate is not None:
-        material = _touched(material, estimate)
+    material = material if estimate is None else _touched(material, estimate)
     friction = f"friction {material.friction:.2f} ± {Z90 * material.friction_sigma:.2f}"
     ctx.say(f"{_grams(mass)} ({_grams(low)} to {_grams(high)}), {source}, {friction}")
     return Physics(
@@ -210,11 +210,13 @@ def _perhaps_empty(full: Inertial, link: Link, size: float, material: Material, 
 
 
 def _told(traits: Traits, certain: str, estimate: Estimate | None) -> household.Told:
-    """What is said about a body: its class, its material if that is certain, and what a model states."""
+    """What is said about a body: its class, colour, its material if that is certain, and what a model states."""
+    words = traits.phrase.lower().split()
+    colour = words[0] if words and words[0] in household.COLOURS else ""
     if estimate is None:
-        word = traits.word if traits.word != traits.category else ""
-        return household.Told(traits.category, certain, word)
-    return household.Told(traits.category, certain, phrase=estimate.phrase, mass_kg=estimate.mass_kg)
+        word = words[-1] if words and words[-1] != traits.category else ""
+        return household.Told(traits.category, certain, word, colour)
+    return household.Told(traits.category, certain, "", colour, estimate.phrase, estimate.mass_kg)
 
 
 def _compared(
@@ -225,8 +227,11 @@ def _compared(
     told: household.Told,
     material: Material,
     options: PhysicsOptions,
-) -> tuple[dict[str, Inertial], str]:
-    """The links with masses of things of a household, and of a model's estimate, where these apply; and the source."""
+) -> tuple[dict[str, Inertial], str, Material]:
+    """The links with masses of things of a household, and of a model's estimate, where these apply.
+
+    Also the source of the masses, and the material with the contact of such things.
+    """
     if not body.hollow and _encloses(material):
         links = {
             label: _perhaps_empty(link, body.links[label], size, material, options) for label, link in links.items()
@@ -236,11 +241,13 @@ def _compared(
             sides = household.sides(size * body.links[label].mesh.vertices.astype(np.float64))
             found = household.mass_of(sides, told, _total(links, size))
             source = f"things of this size and shape, like {' and '.join(found.likely)}"
-            return _weighing(links, (found.low_kg, found.middle_kg, found.high_kg), size, _by(source, told))
+            material = material if told.material else mixed(found.materials, material)
+            links = _weighing(links, (found.low_kg, found.middle_kg, found.high_kg), size, _by(source, told))
+            return links, _by(source, told), material
     if told.mass_kg is None:
-        return links, source
+        return links, source, material
     combined = estimated.of_mixture(np.ones(1), [_total(links, size)], told.mass_kg)
-    return _weighing(links, combined, size, _by(source, told))
+    return _weighing(links, combined, size, _by(source, told)), _by(source, told), material
 
 
 def _by(source: str, told: household.Told) -> str:
@@ -256,10 +263,8 @@ def _total(links: dict[str, Inertial], size: float) -> estimated.Quantiles:
     return low, middle, high
 
 
-def _weighing(
-    links: dict[str, Inertial], total: estimated.Quantiles, size: float, source: str
-) -> tuple[dict[str, Inertial], str]:
-    """The links with another mass of all of them [kg], shared as before; and the source."""
+def _weighing(links: dict[str, Inertial], total: estimated.Quantiles, size: float, source: str) -> dict[str, Inertial]:
+    """The links with another mass of all of them [kg], shared as before, and its source."""
     low, more, high = (new / old for new, old in zip(total, _total(links, size), strict=True))
     return {
         label: link.model_copy(
@@ -272,7 +277,7 @@ def _weighing(
             }
         )
         for label, link in links.items()
-    }, source
+    }
 
 
 def _touched(material: Material, estimate: Estimate) -> Material:

@@ -74,11 +74,6 @@ class Element(Value):
     joints: tuple[JointHint, ...] = ()
     """Joints stated by the user."""
 
-    @property
-    def word(self) -> str:
-        """The last word of its phrase: `mug`."""
-        return self.phrase.split()[-1].lower() if self.phrase.split() else ""
-
 
 class Elements(Artifact):
     """The result of parsing."""

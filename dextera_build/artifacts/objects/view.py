@@ -70,8 +70,8 @@ class Traits(Artifact):
     """See `Element.estimate`."""
     cut: bool = False
     """See `Element.cut`."""
-    word: str = ""
-    """See `Element.word`; what the thing is called, if that says more than its category."""
+    phrase: str = ""
+    """See `Element.phrase`; its colour and what it is called."""
     joints: tuple[JointHint, ...] = ()
     """See `Element.joints`."""
 
