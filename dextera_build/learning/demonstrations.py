@@ -17,6 +17,7 @@ from dextera_build.learning.sight import Sight
 from dextera_build.policy import contract as contracts
 from dextera_build.policy import features, normalisation
 from dextera_build.policy.layout import WORLD, Layout, of_bundle, of_episodes, world_flag
+from dextera_build.sim.primitives.catalogue import concerned
 
 FITTED = 200
 """Maximum number of steps of a part whose depth gives its normalisation."""
@@ -30,7 +31,7 @@ class Selection:
     inputs: tuple[str, ...]
     """Input channels of the deployable observation."""
     objects: Literal["task", "all"] = "task"
-    """Objects with poses and joints in the input: the task's object only, or all."""
+    """Objects with poses and joints in the input: the task's object and those that its goal names, or all."""
     held_out: float = 0.0
     """Fraction of the episodes held out for validation."""
     seed: int = 0
@@ -194,8 +195,8 @@ def _fitted(
 def _channels(bundle: TaskBundle, layout: Layout, selection: Selection, parts: Sequence[Part]) -> tuple[Channel, ...]:
     only: dict[str, tuple[str, ...]] = {WORLD: tuple(dict.fromkeys(part.episodes.world for part in parts))}
     if selection.objects == "task":
-        name = bundle.task.object
-        only |= {"objects": (name,), "displacement": bundle.objects[name].joints}
+        names = concerned(bundle.task, bundle.objects)
+        only |= {"objects": names, "displacement": tuple(j for name in names for j in bundle.objects[name].joints)}
     rows = {name: term.rows for name in selection.inputs if (term := layout.channel(name))} | {WORLD: WORLD}
     known = [name for name in contracts.CHANNELS if name in selection.inputs]
     added = [name for name in selection.inputs if name not in known]

@@ -17,8 +17,8 @@ class ImitationOptions(Options):
     """Input channels of the deployable observation; add `rgb` if a film is given, `depth` or `cloud` if it has depth,
     and `world` to tell the policy which kind of world a sample of a mixture is from."""
     objects: Literal["task", "all"] = "task"
-    """Objects with poses and joints in the input: the task's object only, or all. Irrelevant objects can only
-    mislead a policy trained on a hundred episodes."""
+    """Objects with poses and joints in the input: the task's object and those that its goal names (the container that
+    it is put into), or all. Irrelevant objects can only mislead a policy trained on a hundred episodes."""
     steps: int = Field(3000, ge=1)
     """Optimiser steps."""
     batch: int = Field(64, ge=1)

@@ -31,3 +31,16 @@ def of(task: TaskSpec, objects: Mapping[str, TaskObject] | None = None) -> Primi
         RuleError: See `kind`.
     """
     return kind(task.primitive)(task, objects)
+
+
+def concerned(task: TaskSpec, objects: Mapping[str, TaskObject]) -> tuple[str, ...]:
+    """The task's object, and the bodies that its goal names beside it: the container that it is put into.
+
+    Args:
+        task: The objective.
+        objects: Body -> object of the task's model.
+
+    Raises:
+        RuleError: See `kind`.
+    """
+    return (task.object, *of(task, objects).others())

@@ -24,6 +24,7 @@ from dextera_build.errors import RuleError, listing
 from dextera_build.geometry import poses, transforms
 from dextera_build.policy.cell import Guard
 from dextera_build.policy.observation import Frames, Measurement
+from dextera_build.sim.primitives import catalogue
 from dextera_build.sim.render.rendering import Eye
 from dextera_build.sim.render.robot_pixels import RobotPixels
 from dextera_build.sim.render.sensor import measure_colour, measure_depth
@@ -55,7 +56,7 @@ class TrackedCell:
     Args:
         environment: The true world.
         cell: Its camera and tracker.
-        names: Objects to track; other objects keep their photographed poses.
+        names: Objects to track, beside those of the task; other objects keep their photographed poses.
         twin: The task in the twin, for the robot's pixels, carried objects, and success from measurements; None:
             without these.
 
@@ -63,6 +64,8 @@ class TrackedCell:
         RuleError: The cell has no asset of an object.
     """
 
+    names: tuple[str, ...]
+    """The tracked objects."""
     _done: bool | None
     """Whether the measurements show success; None if not evaluated yet."""
 
@@ -72,8 +75,9 @@ class TrackedCell:
         self.environment, self.cell = environment, cell
         bundle = environment.bundle
         check(cell, bundle, twin)
-        self._names = tuple(name for name in bundle.objects if name in {*names, bundle.task.object})
-        bodies = {name: cell.assets[name].body for name in self._names}
+        tracked = {*names, *catalogue.concerned(bundle.task, bundle.objects)}
+        self.names = tuple(name for name in bundle.objects if name in tracked)
+        bodies = {name: cell.assets[name].body for name in self.names}
         self._models = {name: Model.of(body, body.residual_m) for name, body in bodies.items()}
         base = transforms.invert(bundle.base_pose.matrix)
         self._photographed = {name: base @ cell.assets[name].pose.matrix for name in bundle.objects}
@@ -185,7 +189,7 @@ class TrackedCell:
         self._random = np.random.default_rng([seed, self.cell.seed, 3])
         self._tracker = Tracker(self._models, self.cell.camera.matrix())
         assets = self.cell.assets
-        self._tracker.start({name: self.cell.mount.matrix @ self._photographed[name] for name in self._names})
+        self._tracker.start({name: self.cell.mount.matrix @ self._photographed[name] for name in self.names})
         self._poses = np.array([poses.from_matrix(pose) for pose in self._photographed.values()])
         self._displacement = np.array([joint.position for name in self._row for joint in assets[name].body.joints])
         self._waiting: deque[tuple[float, Found]] = deque()
@@ -204,7 +208,7 @@ class TrackedCell:
 
     def _search(self, scene: tuple[np.ndarray, np.ndarray]) -> None:
         """Send frames to the tracker until all objects are found, or the time limit is reached."""
-        times = dict.fromkeys(self._names, 0)
+        times = dict.fromkeys(self.names, 0)
         first, object_name = self._clock, self.environment.task.object
         while min(times.values()) < CONFIRMED and self._clock - first < self.cell.search_s - 1e-9:
             stamp = self._clock

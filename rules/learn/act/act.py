@@ -17,7 +17,7 @@ from .act_options import ActOptions
 SETTINGS = ("chunk", "width", "heads", "style_layers", "encoder_layers", "decoder_layers", "latent", "every", "forget")
 
 
-@rule(version=1, packages=("numpy",), memory_gb=2.0, tolerance=TOLERANCE)
+@rule(version=2, packages=("numpy",), memory_gb=2.0, tolerance=TOLERANCE, runs={"bundle": "primitive"})
 def act(
     ctx: Context[ImitationBackend],
     bundle: TaskBundle,

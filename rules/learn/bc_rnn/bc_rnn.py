@@ -21,7 +21,7 @@ SETTINGS = ("horizon", "hidden", "layers", "modes", "least_std", "pick", "seed")
 WIDER = replace(TOLERANCE, fields={**TOLERANCE.fields, "curve": 1.0}, metrics={**TOLERANCE.metrics, "loss": 0.1})
 
 
-@rule(version=1, packages=("numpy",), memory_gb=2.0, tolerance=WIDER)
+@rule(version=2, packages=("numpy",), memory_gb=2.0, tolerance=WIDER, runs={"bundle": "primitive"})
 def bc_rnn(
     ctx: Context[ImitationBackend],
     bundle: TaskBundle,

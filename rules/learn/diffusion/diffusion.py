@@ -20,7 +20,7 @@ SETTINGS = (
 )
 
 
-@rule(version=1, packages=("numpy",), memory_gb=2.0, tolerance=TOLERANCE)
+@rule(version=2, packages=("numpy",), memory_gb=2.0, tolerance=TOLERANCE, runs={"bundle": "primitive"})
 def diffusion(
     ctx: Context[ImitationBackend],
     bundle: TaskBundle,

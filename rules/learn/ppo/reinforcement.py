@@ -40,8 +40,9 @@ def contract_of(
         terms: Terms of observations that do not come with dxb.
     """
     layout = of_bundle(bundle, terms=terms)
-    thing = bundle.objects[bundle.task.object]
-    kept: dict[str, tuple[str, ...] | None] = {"objects": (bundle.task.object,), "displacement": thing.joints}
+    names = catalogue.concerned(bundle.task, bundle.objects)
+    joints = tuple(joint for name in names for joint in bundle.objects[name].joints)
+    kept: dict[str, tuple[str, ...] | None] = {"objects": names, "displacement": joints}
     inputs = [contracts.channel(layout, name, kept.get(name)) for name in options.inputs]
     robot, limbs = bundle.robot, limbs_of(bundle)
     grips = [grip_of(bundle, limb, options.grip) for limb in limbs]
@@ -134,14 +135,19 @@ def _normalised(channel: Channel, bundle: TaskBundle) -> Channel:
 
 
 def _statistics(channel: Channel, bundle: TaskBundle) -> tuple[np.ndarray, np.ndarray]:
-    thing = bundle.objects[bundle.task.object]
     count = int(np.prod(channel.shape))
     if channel.name in ("joints", "previous_action"):
         return np.array([joint.home for joint in bundle.robot.joints]), np.full(count, JOINT_RAD)
     if channel.name == "objects":
-        pose = (bundle.base_pose.inverse() @ thing.pose).matrix
-        turn = features.rotation_columns(quaternions.from_matrix(pose[:3, :3]))
-        return np.concatenate([pose[:3, 3], turn]), np.array([PLACE_M] * 3 + [TURN] * 6)
+        seen = [(bundle.base_pose.inverse() @ bundle.objects[name].pose).matrix for name in channel.names]
+        turns = [features.rotation_columns(quaternions.from_matrix(pose[:3, :3])) for pose in seen]
+        mean = [np.append(pose[:3, 3], turn) for pose, turn in zip(seen, turns, strict=True)]
+        return np.concatenate(mean), np.tile([PLACE_M] * 3 + [TURN] * 6, len(seen))
     if channel.name == "displacement":
-        return np.array(thing.positions), np.full(count, JOINT_RAD)
+        at = {
+            joint: place
+            for thing in bundle.objects.values()
+            for joint, place in zip(thing.joints, thing.positions, strict=True)
+        }
+        return np.array([at[name] for name in channel.names]), np.full(count, JOINT_RAD)
     return np.zeros(count), np.ones(count)

@@ -10,6 +10,8 @@ from dextera_build.artifacts.robots.noise import DepthNoise
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import RuleError
 from dextera_build.geometry import poses, transforms
+from dextera_build.sim.primitives.pick_and_place.primitive import PlaceGoal
+from dextera_build.sim.primitives.poses import Tolerance
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.rollout import closed_loop
 from dextera_build.sim.runtime.tracked_cell import NOT_FOUND, TrackedCell, check
@@ -20,6 +22,9 @@ from tests.sim.runtime import cells
 @pytest.fixture(scope="module")
 def environment() -> Environment:
     return Environment(gate.bundle("reference"))
+
+
+NEAR = Tolerance(position_m=0.03, rotation_rad=0.3)
 
 
 class Pushing:
@@ -64,6 +69,15 @@ def test_object_and_joint_are_where_they_are(environment):
     assert max(sighting.distances_m) < 0.002
     assert max(sighting.angles_rad) < 0.02
     assert len(sighting.joints_rad) == sighting.tracked
+
+
+@pytest.mark.parametrize(("into", "names"), [("", ("case",)), ("ball", ("case", "ball"))])
+def test_the_container_of_a_placement_is_tracked_too(into, names):
+    bundle = gate.bundle("reference", ball=True)
+    goal = PlaceGoal(into=into, place_m=None if into else (0.0, 0.0, 0.1), tolerance=NEAR)
+    placing = bundle.model_copy(update={"task": bundle.task.model_copy(update={"goal": goal})})
+    cell = cells.cell(assets={"case": cells.asset(), "ball": cells.asset()})
+    assert TrackedCell(Environment(placing), cell, ()).names == names
 
 
 @pytest.mark.medium
