@@ -20,7 +20,7 @@ READERS := lerobot-0.3 lerobot-0.4 robomimic rlds openpi mediapipe ros zenoh rer
 # More arguments for pytest: make test ARGS='-k recipe -x'
 ARGS ?=
 
-.PHONY: help setup demo test test-medium test-gpu test-all servers readers meshes check-envelope check-real check check-most format lint type layers examples package bench bench-engine bench-retargeting bench-policies \
+.PHONY: help setup demo test test-medium test-gpu test-all servers readers meshes check-envelope check-real check check-most format lint type layers examples package bench bench-engine bench-retargeting bench-policies bench-lerobot \
 	docs lock clean clean-all
 
 help: ## Print this list
@@ -98,8 +98,10 @@ bench-engine: setup $(VENV)/.peers ## Measure dxb beside other build tools; hour
 bench-retargeting: setup $(VENV)/dexret/.installed ## Measure retargeting of hands beside dex-retargeting; two minutes
 	$(BIN)/python -m tests.benchmarks.retargeting --peer $(VENV)/dexret/bin/python $(ARGS)
 
-bench-policies: setup $(VENV)/readers/robomimic/.installed $(VENV)/readers/lerobot-0.4/.installed ## Measure policies beside robomimic's and LeRobot's; minutes for a small task
+bench-policies: setup $(VENV)/readers/robomimic/.installed ## Measure BC-RNN beside robomimic's; minutes for a small task
 	$(BIN)/python -m tests.benchmarks.policies $(ARGS)
+
+bench-lerobot: setup $(VENV)/readers/lerobot-0.4/.installed ## Measure ACT and Diffusion Policy beside LeRobot's; minutes for a small task
 	$(BIN)/python -m tests.benchmarks.policies.lerobot $(ARGS)
 
 # From a copy, because some pages are made from rules and examples.

@@ -136,6 +136,14 @@ def check(bundle: TaskBundle, parts: Sequence[Part], inputs: Collection[str]) ->
                 hint="film with `depth: true` in `demonstrate.film`",
             )
 
+    sizes = {part.label: f"{part.film.width} x {part.film.height} px" for part in parts if part.film is not None}
+    _refuse(
+        len(set(sizes.values())) > 1,
+        "the films of the parts differ in size",
+        hint="film all parts with one `view`",
+        sizes=", ".join(f"`{label}` {size}" for label, size in sizes.items()),
+    )
+
 
 def _check_film(part: Part, film: Film | Pixels) -> None:
     episodes, shown = part.episodes, film.episodes if isinstance(film, Pixels) else film.frames

@@ -22,7 +22,9 @@ from dextera_build.learning.sampling import Mixed
 from dextera_build.learning.snapshots import Snapshots
 from dextera_build.learning.trained import Trained
 from dextera_build.learning.training_state import Kept, restore, save
+from dextera_build.policy.layout import WORLD
 from dextera_build.rule import Context
+from dextera_build.rule.pretrained import out_of_memory
 
 if TYPE_CHECKING:
     from dextera_build.learning.demonstrations import Demonstrations
@@ -99,7 +101,7 @@ class Training:
                 self._mixed.draw()
         saved = time.monotonic()
         while kept.step < self._options.steps:
-            kept.sum += self._step(kept.step)
+            kept.sum += self._tried(kept.step)
             kept.step += 1
             self._measure()
             if self._snapshots.due(kept.step, self._options.steps):
@@ -124,6 +126,16 @@ class Training:
         except OSError as error:  # a full disk must not abort the training
             self._ctx.log(f"the state of the training could not be kept: {error.strerror or error}")
 
+    def _tried(self, step: int) -> float:
+        try:
+            return self._step(step)
+        except (MemoryError, RuntimeError) as error:
+            told = out_of_memory(error, self._ctx.device)
+            if told is None or self._options.batch == 1:
+                raise
+            told.hint = f"`batch: {self._options.batch // 2}`, or {told.hint}"
+            raise told from error
+
     def _step(self, step: int) -> float:
         options = self._options
         random = torch.Generator().manual_seed(options.seed * 1_000_003 + step)
@@ -144,7 +156,7 @@ class Training:
     def _augmented(self, inputs: Mapping[str, Tensor], random: torch.Generator) -> dict[str, Tensor]:
         options, changed = self._options, dict(inputs)
         if options.jitter:
-            for name in self._samples.inputs:
+            for name in self._samples.inputs.keys() - {WORLD}:  # a flag is no measurement
                 noise = torch.randn(changed[name].shape, generator=random).to(changed[name].device)
                 changed[name] = changed[name] + options.jitter * noise
         for channel in self._data.contract.seen:

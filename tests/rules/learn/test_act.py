@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
 from pydantic import ValidationError
 
 from dextera_build.artifacts.tasks.episode import Episode
-from dextera_build.errors import RuleError
+from dextera_build.errors import MachineError, RuleError
 from dextera_build.learning import weights
 from dextera_build.policy.observation import PICTURE, Frame, Measurement, deployable
 from dextera_build.testing import RuleRunner
@@ -120,6 +121,23 @@ def test_a_full_disk_does_not_end_a_training(tmp_path: Path, monkeypatch: pytest
     made, lines = interrupted(tmp_path / "full", data, None, monkeypatch)
     assert "the state of the training could not be kept: No space left on device" in lines
     assert made.weights == whole.weights
+
+
+@pytest.mark.parametrize(
+    ("says", "message"),
+    [
+        (torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 2 GiB"), "the GPU has too little memory"),
+        (RuntimeError("[enforce fail at alloc_cpu.cpp] DefaultCPUAllocator: not enough"), "memory is used up"),
+    ],
+)
+def test_a_step_that_does_not_fit_into_memory_tells_the_batch(tmp_path, monkeypatch, says, message) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise says
+
+    monkeypatch.setattr(torch.nn.utils, "clip_grad_norm_", full)
+    with pytest.raises(MachineError, match=message) as caught:
+        learn(tmp_path, episodes.small(3), batch=32)
+    assert str(caught.value.hint).startswith("`batch: 16`, or ")
 
 
 def test_a_training_that_diverges_is_one_clear_error(tmp_path: Path) -> None:

@@ -98,6 +98,15 @@ def test_unpacked_pictures_train_the_same_policy(tmp_path: Path) -> None:
     assert both.contract.inputs[1].shape == packed.contract.inputs[1].shape
 
 
+def test_films_of_other_sizes_are_refused(tmp_path: Path) -> None:
+    data = episodes.small(2)
+    films = Collection[Film](items={"twin": filmed(data), "reference": filmed(data, 24, 32)})
+    mixture = mixed(tmp_path, {}, twin=data, reference=elsewhere(data))
+    with pytest.raises(RuleError, match="the films of the parts differ in size") as caught:
+        learn(tmp_path, mixture, backend="stub", films=films, inputs=("joints", "rgb"))
+    assert caught.value.facts["sizes"] == "`reference` 32 x 24 px, `twin` 48 x 32 px"
+
+
 @pytest.mark.parametrize(
     ("weights", "change", "message"),
     [
