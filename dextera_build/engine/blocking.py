@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from dextera_build.engine.graph import Graph, OnFailure
+from dextera_build.engine.graph import Graph, OnFailure, Output, Pack, mildest, parts_of
 from dextera_build.engine.states import LOST, State
 from dextera_build.engine.units import Gathering, Node, States, Unit
 
@@ -14,15 +14,29 @@ def consequence(unit: Unit, graph: Graph) -> OnFailure:
     said = {graph.group(unit.path[:depth]).on_failure for depth in range(1, len(unit.path))}
     if isinstance(unit, Node):
         said.add(unit.call.on_failure)
-    return "leave_out" if "leave_out" in said else "go_on" if "go_on" in said else "stop"
+    return mildest(said)
 
 
 def can_do_without(unit: Unit, sources: Sequence[Unit], graph: Graph) -> bool:
-    """Whether a gathering leaves out all `sources` that are lost; without such sources, any unit can."""
+    """Whether a unit leaves out all `sources` that are lost; without such sources, any unit can."""
     for source in [source for source in sources if source.state in LOST]:
-        if not (isinstance(unit, Gathering) and graph.is_lenient(source.path, len(unit.labels))):
+        gathers = isinstance(unit, Gathering) and graph.is_lenient(source.path, len(unit.labels))
+        if not (gathers or (isinstance(unit, Node) and _only_lists(unit, source))):
             return False
         unit.leave_out(source)
+    return True
+
+
+def _only_lists(unit: Node, lost: Unit) -> bool:
+    """Whether a node reads a lenient call as an entry of listed collections alone, and other entries remain."""
+    if not isinstance(lost, Node) or lost.call.on_failure == "stop":
+        return False
+    there = {source.path for source in unit.sources if source is not lost}
+    for given in unit.call.inputs.values():
+        named = [part.call if isinstance(part, Output) else None for part in parts_of(given)]
+        others = isinstance(given, Pack) and any(name is None or name in there for name in named)
+        if lost.path in named and not others:
+            return False
     return True
 
 

@@ -23,7 +23,7 @@ from dextera_build.engine.graph import (
     node_address,
     parts_of,
 )
-from dextera_build.engine.states import State
+from dextera_build.engine.states import LOST, State
 from dextera_build.engine.units import Gathering, Labels, Node, Opening, Path, Unit
 from dextera_build.errors import DxbError, Place, RuleError
 from dextera_build.store import headers
@@ -208,7 +208,8 @@ class Wiring:
         """
         blobs = self._store.blobs
         if isinstance(source, Pack):
-            parts = {label: self.value(part, reader) for label, part in source.parts.items()}
+            there = {label: part for label, part in source.parts.items() if self._is_there(part, reader)}
+            parts = {label: self.value(part, reader) for label, part in there.items()}
             return blobs.put(headers.collection_header(parts))
         if isinstance(source, Leaf):
             return self.leaf(source)
@@ -222,6 +223,11 @@ class Wiring:
         # A gathering has already followed the fields.
         fields = () if isinstance(source, Gather) else source.fields
         return headers.project(blobs.get, start, fields) if fields else start
+
+    def _is_there(self, part: Leaf | Output | Item | Gather, reader: Unit) -> bool:
+        """Whether an entry of a listed collection was not left out."""
+        unit = self.source(part, reader)
+        return unit is None or unit.state not in LOST
 
     def items(self, unit: Opening) -> dict[str, str]:
         """Label -> digest of each item in the known collection of a group.

@@ -72,6 +72,14 @@ class Fixed:
 
 OnFailure: TypeAlias = Literal["stop", "go_on", "leave_out"]
 """Effect of a failure: the run stops; it goes on without the node and fails at its end; it goes on and succeeds."""
+
+
+def mildest(effects: Iterable[OnFailure]) -> OnFailure:
+    """The effect that counts if several are said of one failure."""
+    said = set(effects)
+    return "leave_out" if "leave_out" in said else "go_on" if "go_on" in said else "stop"
+
+
 Names: TypeAlias = tuple[str, ...]
 """Names from the root of the graph: the address of a call or group without labels."""
 Input: TypeAlias = Leaf | Output | Item | Gather | Pack

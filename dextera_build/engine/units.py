@@ -58,6 +58,12 @@ class Unit:
         waiting, self.dependents = self.dependents, []
         return waiting
 
+    def leave_out(self, source: Unit) -> None:
+        """Go on without `source`, which will never be known."""
+        self.sources.remove(source)
+        self.pending -= 1
+        source.dependents = [other for other in source.dependents if other is not self]
+
     def forget(self) -> None:
         """Drop all sources, so that the unit can be reconnected."""
         for source in self.sources:
@@ -148,10 +154,8 @@ class Gathering(Unit):
     """Digest of the collection."""
 
     def leave_out(self, source: Unit) -> None:
-        """Go on without `source`, which will never be known."""
-        self.sources.remove(source)
-        self.pending -= 1
-        source.dependents = [other for other in source.dependents if other is not self]
+        """Go on without `source`, and without its copy."""
+        Unit.leave_out(self, source)  # `super()` does not work in a class that slots replaced
         if isinstance(source, Node):
             del self.nodes[source.labels]
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from dextera_build.code.loader import Library
-from dextera_build.engine.graph import Call, Graph, Group, Leaf, Output
+from dextera_build.engine.graph import Call, Graph, Group, Leaf, OnFailure, Output, mildest
 from dextera_build.engine.graph import Plan as Plan
 from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
 from dextera_build.recipe import cycles, expect, groups, runs
@@ -100,6 +100,8 @@ class _Planner:
         self._groups: dict[tuple[str, ...], tuple[GroupDecl | MatrixDecl, groups.Over | None]] = {}
         """Address -> declaration, and the input that an `each` opens over."""
         self._opening: list[str] = []
+        self._effects: list[OnFailure] = []
+        """What the uses of the recipes that are open say of a failure."""
         self._used = 0
         """Number of nodes from used recipes."""
         self._calls: dict[tuple[str, ...], Call] = {}
@@ -234,7 +236,7 @@ class _Planner:
             if isinstance(decl, CallDecl) and decl.given is not None and self._is_omitted(decl.given, scope):
                 scope.names[name] = Bound(None, lambda: type(None))
             elif isinstance(decl, CallDecl):
-                self._pending[address] = (decl, scope)
+                self._pending[address] = (replace(decl, on_failure=mildest([decl.on_failure, *self._effects])), scope)
                 self.maker.rule_file(decl)  # an unknown rule is refused here
                 scope.names[name] = Bound(Output(address), partial(self.maker.returned, decl, address))
             elif isinstance(decl, UseDecl):
@@ -281,7 +283,10 @@ class _Planner:
                 bound[key] = Alias(lambda text=text, node=node: outer.resolve(text, node.place))  # type: ignore[misc]
             else:
                 bound[key] = self._value(text, node.place, False)
-        return self._open(recipe, prefix, group, bound, {})
+        self._effects.append(decl.on_failure)
+        found = self._open(recipe, prefix, group, bound, {})
+        self._effects.pop()
+        return found
 
     def _value(self, text: str, where: Place, from_cli: bool) -> Bound:
         """Resolve an input's text: a target of another recipe (`robot/kuka_leap`, `reference/x:capture`) or a path."""
@@ -308,7 +313,9 @@ class _Planner:
     def _foreign_target(self, address: str, target: str, where: Place) -> Bound:
         recipe = self.recipe(address, where)
         if address not in self._foreign:
+            effects, self._effects = self._effects, []  # its nodes are those of all that name it
             self._foreign[address] = self._open(recipe, f"{address}:", (), {}, {})
+            self._effects = effects
         scope = self._foreign[address]
         if not target:
             chosen = recipe.targets.get("default", [])

@@ -65,6 +65,7 @@ class UseDecl:
     recipe: Node
     arguments: dict[str, Node]
     place: Place
+    on_failure: OnFailure
 
 
 @dataclass(frozen=True)
@@ -285,7 +286,7 @@ def _node(name: str, node: Node, place: Place) -> Decl:
         return MatrixDecl(name, copies, _nodes(parts.get("nodes"), place), place, _on_failure(parts, OF_GROUP))
     if kinds == ["recipe"]:
         text(node.value["recipe"], "recipe")
-        return UseDecl(name, node.value["recipe"], _arguments(node), place)
+        return UseDecl(name, node.value["recipe"], _arguments(node), place, _on_failure(node.value, OF_GROUP))
     return _call(name, node)
 
 

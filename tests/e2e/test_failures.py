@@ -52,6 +52,12 @@ EACH = """nodes:
   joined: {rule: toy.join, words: $word.cut}
 targets: {default: [joined]}
 """
+PARTS = """nodes:
+  one: {recipe: say/sound}
+  two: {recipe: say/broken, on_failure: go_on}
+  joined: {rule: toy.join, words: {one: $one.word, two: $two.word}}
+targets: {default: [joined]}
+"""
 
 
 def test_a_failed_check_says_what_where_and_what_waits(space):
@@ -88,6 +94,24 @@ def test_a_copy_with_go_on_is_missing_in_the_collection_and_told(space):
     again = space.build("say/each")
     assert again.code == 0
     assert {"word[b].cut", "joined"} <= again.nodes("ran")
+
+
+def test_a_recipe_with_go_on_is_missing_in_a_listed_collection_and_told(space):
+    space.write("rules/toy/join.py", JOIN.lstrip())
+    part = (
+        "nodes: {start: {rule: toy.start}, word: {rule: toy.slow, text: $start, do: %s}}\ntargets: {default: [word]}\n"
+    )
+    space.write("recipes/say/sound.yaml", part % "work")
+    space.write("recipes/say/broken.yaml", part % "fail")
+    space.write("recipes/say/all.yaml", PARTS)
+    answer = space.build("say/all")
+    assert answer.code == 1
+    assert answer.nodes("failed") == {"two/word"}
+    assert "joined" in answer.nodes("ran")
+    space.edit("recipes/say/broken.yaml", "do: fail", "do: work")
+    again = space.build("say/all")
+    assert again.code == 0
+    assert "joined" in again.nodes("ran")
 
 
 def test_keep_going_builds_what_does_not_depend_on_it(space):

@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 
 from dextera_build.engine.dry import plan as dry
-from dextera_build.engine.graph import Address, Graph
+from dextera_build.engine.graph import Address, Call, Graph, Pack
 from dextera_build.engine.run import build
 from dextera_build.errors import RecipeError, RuleError, StaleError, UsageError
 from dextera_build.runs.events import NodeFinished, RunFinished
+from dextera_build.store import headers
 from dextera_build.store.store import Store
 from tests.engine.tiny import Record, call, every, graph, group, inline, item, leaf, out, run, scene
 
@@ -56,6 +57,39 @@ def test_a_failure_stops_the_build_and_names_what_waits(store: Store) -> None:
     assert told["c"].blocked_by == ["a"]
     assert told["a"].error.code == "DXB-B202"
     assert record.of(RunFinished)[0].counts == {"failed": 1, "waits": 3, "ran": 1}
+
+
+def lenient(name: str, do: str = "fail") -> Call:
+    return replace(call(name, do), on_failure="go_on")
+
+
+def test_a_listed_collection_lacks_what_lenient_calls_failed_to_give(store: Store) -> None:
+    listed = Pack({"a": out("a"), "b": out("b"), "c": out("c")})
+    result, _ = run(graph(lenient("a"), call("b"), lenient("c"), call("end", all=listed)), store)
+    assert not result.ok
+    assert {name: node.status for name, node in result.nodes.items()} == {
+        "a": "failed",
+        "b": "ran",
+        "c": "failed",
+        "end": "ran",
+    }
+    assert headers.items(store.blobs.get, str(result.nodes["end"].inputs["all"])).keys() == {"b"}
+    again, _ = run(graph(lenient("a", "hash"), call("b"), lenient("c"), call("end", all=listed)), store)
+    assert headers.items(store.blobs.get, str(again.nodes["end"].inputs["all"])).keys() == {"a", "b"}
+
+
+@pytest.mark.parametrize(
+    ("end", "why"),
+    [
+        (call("end", all=Pack({"a": out("a"), "c": out("c")})), "nothing is left of the collection"),
+        (call("end", all=Pack({"a": out("a"), "b": out("b")}), alone=out("a")), "it is read alone, too"),
+        (call("end", all=Pack({"b": out("b"), "d": out("d")})), "the call is not lenient"),
+    ],
+)
+def test_who_needs_a_lost_entry_of_a_listed_collection_waits(store: Store, end: Call, why: str) -> None:
+    members = (lenient("a"), call("b"), lenient("c"), call("d", "fail"), end)
+    result, _ = run(graph(*members, default=("end",)), store, keep_going=True)
+    assert result.nodes["end"].status == "waits", why
 
 
 def test_copies_that_come_after_one_that_failed_are_built_all_the_same(store: Store) -> None:

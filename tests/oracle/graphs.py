@@ -7,7 +7,7 @@ import random
 from pathlib import Path
 from typing import Any
 
-from dextera_build.engine.graph import Address, Call, Fixed, Graph, Group, Input, Output
+from dextera_build.engine.graph import Address, Call, Fixed, Graph, Group, Input, Output, Pack
 from tests.engine.tiny import call, every, facts, graph, group, item, leaf, out
 
 _DOES = ("hash", "hash", "hash", "pick", "const", "blob")
@@ -202,6 +202,9 @@ class RandomGraph:
     def _call(self, name: str, do: str, pool: list[Input]) -> Call:
         count = self.random.randint(0, min(3, len(pool)))
         inputs = {f"s{place}": source for place, source in enumerate(self.random.sample(pool, count))}
+        if pool and self.random.random() < 0.25:
+            listed = self.random.sample(pool, self.random.randint(1, min(3, len(pool))))
+            inputs["listed"] = Pack({f"i{place}": source for place, source in enumerate(listed)})
         value = self.random.randint(0, 3)
         if do != "read":
             return dataclasses.replace(call(name, do, value), inputs=inputs)

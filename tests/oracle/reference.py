@@ -17,6 +17,7 @@ from dextera_build.engine.graph import (
     Item,
     Leaf,
     Output,
+    Pack,
     node_address,
     parse_address,
 )
@@ -142,6 +143,8 @@ class Reference:
         return output
 
     def value(self, source: Input, scope: tuple[str, ...], labels: Labels) -> str | None:
+        if isinstance(source, Pack):
+            return self.listed(source, scope, labels)
         if isinstance(source, Leaf):
             return self.put(_leaf(Path(source.path)))
         if isinstance(source, Item):
@@ -160,6 +163,18 @@ class Reference:
         if copies is None or None in parts.values():
             return None
         return self.put(collection_header({label: str(part) for label, part in parts.items()}))
+
+    def listed(self, pack: Pack, scope: tuple[str, ...], labels: Labels) -> str | None:
+        """A listed collection, without the entries that lenient calls failed to give, unless these are all."""
+        found = {label: self.value(part, scope, labels) for label, part in pack.parts.items()}
+        lost = [pack.parts[label] for label, value in found.items() if value is None]
+        lenient = [isinstance(part, Output) and self.own_effect(part, labels) != "stop" for part in lost]
+        kept = {label: value for label, value in found.items() if value is not None}
+        return self.put(collection_header(kept)) if kept and all(lenient) else None
+
+    def own_effect(self, part: Output, labels: Labels) -> str:
+        """What the recipe says of a call's own failure."""
+        return self.call(part.call, labels[: len(part.call) - 1]).on_failure
 
     def copies(self, call: tuple[str, ...], labels: Labels) -> list[Labels] | None:
         """All label tuples of a call below `labels`; None where a group cannot be opened."""
