@@ -20,15 +20,21 @@ ENVIRONMENTS = Path(__file__).parent.parent / ".venv" / "readers"
 
 def run(name: str, *arguments: str | Path) -> str:
     """What the Python of environment `name` prints with these arguments; the test is skipped if there is none."""
+    process = started(name, *arguments)
+    out, err = process.communicate()
+    assert process.returncode == 0, out[-3000:] + err[-3000:]
+    return out
+
+
+def started(name: str, *arguments: str | Path) -> subprocess.Popen[str]:
+    """A process of the Python of environment `name`; the test is skipped if there is none."""
     home = ENVIRONMENTS / name
     if not (home / ".installed").exists():
         pytest.skip(f"needs .venv/readers/{name}; `make readers` makes it")
     kept = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
     quiet = {"HF_HUB_OFFLINE": "1", "HF_HOME": str(home / "home"), "TF_CPP_MIN_LOG_LEVEL": "2"}
     command = [str(home / "bin" / "python"), *map(str, arguments)]
-    done = subprocess.run(command, env=kept | quiet, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
-    return done.stdout
+    return subprocess.Popen(command, env=kept | quiet, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 def installed(project: Path, name: str, environment: str) -> None:

@@ -22,7 +22,7 @@ from dextera_build.policy.wire import link
 from dextera_build.policy.wire.codec import pack, unpack
 from dextera_build.policy.wire.said import connected
 from dextera_build.testing import RuleRunner
-from tests import episodes
+from tests import episodes, readers
 from tests.policy import policies
 from tests.serving import servers
 
@@ -76,6 +76,29 @@ def test_a_foreign_policy_is_asked_by_its_own_keys(tmp_path: Path) -> None:
     expected = np.concatenate([CHUNK[:3] + 1, CHUNK[:2] + 2]).clip(limits[:, 0], limits[:, 1])
     np.testing.assert_allclose(acted, expected, atol=1e-6)
     assert len(asked) == 2
+
+
+@pytest.mark.slow
+def test_messages_of_openpi_itself_are_read(tmp_path: Path) -> None:
+    """A server packs its answers with openpi's own functions, and unpacks what is asked of it."""
+    options = {"keys": {"joints": "observation/state", "rgb": "observation/image"}, "horizon": 3, "every": 2}
+    with readers.started("openpi", Path(readers.__file__).parent / "serving" / "openpi_server_peer.py") as peer:
+        assert peer.stdout is not None
+        try:
+            address = peer.stdout.readline().strip()
+            far = policy(tmp_path, address, view=episodes.view(), inputs=("joints", "rgb"), **options)
+            seen = [policies.observation(step, rgb=np.zeros((48, 64, 3), np.uint8)) for step in range(3)]
+            acted = [far.act(one) for one in seen]
+            asked = json.loads(peer.stdout.readline())
+            with pytest.raises(PolicyFault, match="answered with an error: KeyError: 'observation/state'"):
+                policy(tmp_path, address, inputs=("objects",)).act(seen[0])
+        finally:
+            peer.kill()
+    limits = np.array([(joint.lower, joint.upper) for joint in BUNDLE.robot.joints])
+    expected = np.array([seen[0]["joints"], 2 * seen[0]["joints"], seen[2]["joints"]])
+    np.testing.assert_allclose(acted, expected.clip(limits[:, 0], limits[:, 1]), atol=1e-6)
+    assert asked["observation/image"] == ["uint8", 48, 64, 3]
+    assert asked["observation/state"] == ["float32", len(BUNDLE.robot.joints)]
 
 
 FAULTS: dict[str, tuple[Callable[[bytes], bytes | str | None], str, str]] = {
