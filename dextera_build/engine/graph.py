@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, get_args
 
 from dextera_build.errors import Place, UsageError, did_you_mean, listing
 from dextera_build.workers.capacity import Needs
@@ -76,8 +76,7 @@ OnFailure: TypeAlias = Literal["stop", "go_on", "leave_out"]
 
 def mildest(effects: Iterable[OnFailure]) -> OnFailure:
     """The effect that counts if several are said of one failure."""
-    said = set(effects)
-    return "leave_out" if "leave_out" in said else "go_on" if "go_on" in said else "stop"
+    return max(effects, key=get_args(OnFailure).index, default="stop")
 
 
 Names: TypeAlias = tuple[str, ...]

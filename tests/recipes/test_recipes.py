@@ -31,6 +31,7 @@ INPUTS = {
         "assets": "twin/laptop_scene:body.asset",
     },
     "task/line": {name: f"task/close_laptop:{name}" for name in ("task", "reference", "view", "cell")},
+    "task/as_published": {"task": "task/close_laptop:task", "episodes": "task/close_laptop:episodes"},
     "task/taught": {"task": "task/lift_blue_mug:task"},
     "task/on_laptop_scene": {"task": "task/close_laptop:task"},
     "task/shown": {

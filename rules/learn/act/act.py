@@ -14,7 +14,8 @@ from dextera_build.rule import Context, rule
 
 from .act_options import ActOptions
 
-SETTINGS = ("chunk", "width", "heads", "style_layers", "encoder_layers", "decoder_layers", "latent", "every", "forget")
+SIZES = ("chunk", "width", "heads", "style_layers", "encoder_layers", "decoder_layers", "latent", "feed_forward")
+SETTINGS = (*SIZES, "every", "forget")
 
 
 @rule(version=2, packages=("numpy",), memory_gb=2.0, tolerance=TOLERANCE, runs={"bundle": "primitive"})

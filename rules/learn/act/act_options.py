@@ -24,6 +24,10 @@ class ActOptions(ImitationOptions):
     """Blocks over the chunk's tokens."""
     latent: int = Field(8, ge=1)
     """Size of the latent style."""
+    feed_forward: int = Field(0, ge=0)
+    """Features between the two layers of a block's perceptron; 0: twice the width."""
+    dropout: float = Field(0.0, ge=0.0, lt=1.0)
+    """Share of the features of a block that are left out in training."""
     kl_weight: float = Field(10.0, ge=0.0)
     """Weight of the style's divergence from a normal distribution."""
     every: int = Field(1, ge=1)

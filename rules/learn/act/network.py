@@ -38,6 +38,8 @@ class Sizes:
     """Blocks over the chunk's tokens."""
     latent: int = 8
     """Size of the latent."""
+    feed_forward: int = 0
+    """Features between the layers of a block's perceptron; 0: twice the width."""
     located: int = 0
     """Numbers in the pose and joints of the task's object, an auxiliary target of image policies."""
 
@@ -71,22 +73,24 @@ class Attention(nn.Module):
 class Block(nn.Module):
     """Self-attention, optional attention to a memory, and a two-layer perceptron, all residual."""
 
-    def __init__(self, width: int, heads: int, *, memory: bool) -> None:
+    def __init__(self, sizes: Sizes, dropout: float, *, memory: bool = False) -> None:
         super().__init__()
+        width, heads, hidden = sizes.width, sizes.heads, sizes.feed_forward or 2 * sizes.width
         self.norm_self = nn.LayerNorm(width)
         self.attend_self = Attention(width, heads)
         self.norm_memory = nn.LayerNorm(width) if memory else None
         self.attend_memory = Attention(width, heads) if memory else None
         self.norm_mlp = nn.LayerNorm(width)
-        self.mlp = nn.Sequential(nn.Linear(width, 2 * width), nn.GELU(), nn.Linear(2 * width, width))
+        self.mlp = nn.Sequential(nn.Linear(width, hidden), nn.GELU(), nn.Linear(hidden, width))
+        self.drop = nn.Dropout(dropout)
 
     def forward(self, tokens: Tensor, memory: Tensor | None = None, keep: Tensor | None = None) -> Tensor:
         """(B, N, W) tokens after the block."""
         normed = self.norm_self(tokens)
-        tokens = tokens + self.attend_self(normed, normed, keep)
+        tokens = tokens + self.drop(self.attend_self(normed, normed, keep))
         if self.norm_memory is not None and self.attend_memory is not None and memory is not None:
-            tokens = tokens + self.attend_memory(self.norm_memory(tokens), memory)
-        out: Tensor = tokens + self.mlp(self.norm_mlp(tokens))
+            tokens = tokens + self.drop(self.attend_memory(self.norm_memory(tokens), memory))
+        out: Tensor = tokens + self.drop(self.mlp(self.norm_mlp(tokens)))
         return out
 
 
@@ -96,13 +100,14 @@ class Act(nn.Module):
     Args:
         sizes: Sizes of the network.
         contract: Inputs and outputs of the policy.
+        dropout: Share of the features of a block that are left out in training.
     """
 
-    def __init__(self, sizes: Sizes, contract: PolicyContract) -> None:
+    def __init__(self, sizes: Sizes, contract: PolicyContract, dropout: float = 0.0) -> None:
         super().__init__()
         inputs = {channel.name: features.tokens(channel) for channel in contract.vectors}
         actions, looks = len(contract.action.names), len(contract.seen)
-        width, heads = sizes.width, sizes.heads
+        width = sizes.width
         self.latent = sizes.latent
         self.embed = nn.ModuleDict({name: nn.Linear(features, width) for name, (_, features) in inputs.items()})
         count = 1 + sum(tokens for tokens, _ in inputs.values())
@@ -110,15 +115,15 @@ class Act(nn.Module):
         self.eyes = Eyes(contract, width) if looks else None
         self.locate = nn.Linear(looks * width, sizes.located) if looks and sizes.located else None
         self.embed_latent = nn.Linear(sizes.latent, width)
-        self.encoder = nn.ModuleList(Block(width, heads, memory=False) for _ in range(sizes.encoder_layers))
+        self.encoder = nn.ModuleList(Block(sizes, dropout) for _ in range(sizes.encoder_layers))
         self.norm_memory = nn.LayerNorm(width)
         self.steps = nn.Parameter(torch.randn(sizes.chunk, width) * 0.02)
-        self.decoder = nn.ModuleList(Block(width, heads, memory=True) for _ in range(sizes.decoder_layers))
+        self.decoder = nn.ModuleList(Block(sizes, dropout, memory=True) for _ in range(sizes.decoder_layers))
         self.norm_out = nn.LayerNorm(width)
         self.head = nn.Linear(width, actions)
         self.style_action = nn.Linear(actions, width)
         self.style_place = nn.Parameter(torch.randn(count + sizes.chunk, width) * 0.02)
-        self.style = nn.ModuleList(Block(width, heads, memory=False) for _ in range(sizes.style_layers))
+        self.style = nn.ModuleList(Block(sizes, dropout) for _ in range(sizes.style_layers))
         self.style_out = nn.Linear(width, 2 * sizes.latent)
 
     def forward(self, inputs: Mapping[str, Tensor], latent: Tensor | None = None, seen: Tensor | None = None) -> Tensor:
@@ -197,8 +202,8 @@ def loss_of(network: Act, batch: Batch, noise: Tensor, kl_weight: float) -> tupl
     return loss, l1
 
 
-def of_contract(contract: PolicyContract, seed: int = 0) -> Act:
+def of_contract(contract: PolicyContract, seed: int = 0, dropout: float = 0.0) -> Act:
     """Build the network of a contract, with initial weights that depend only on `seed`."""
     with torch.random.fork_rng(devices=()):
         torch.manual_seed(seed)
-        return Act(Sizes.of(contract.settings), contract)
+        return Act(Sizes.of(contract.settings), contract, dropout)

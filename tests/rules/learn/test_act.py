@@ -19,6 +19,7 @@ from dextera_build.learning import weights
 from dextera_build.policy.observation import PICTURE, Frame, Measurement, deployable
 from dextera_build.testing import RuleRunner
 from tests import episodes
+from tests.policy import policies
 from tests.policy.policies import load
 from tests.rules.learn.trainings import BUNDLE, FEW, Trainings, filmed, miss
 
@@ -121,6 +122,15 @@ def test_a_full_disk_does_not_end_a_training(tmp_path: Path, monkeypatch: pytest
     made, lines = interrupted(tmp_path / "full", data, None, monkeypatch)
     assert "the state of the training could not be kept: No space left on device" in lines
     assert made.weights == whole.weights
+
+
+def test_dropout_is_drawn_from_the_seed(tmp_path: Path) -> None:
+    data = episodes.small(4)
+    first = learn(tmp_path, data, dropout=0.2, steps=5)
+    assert learn(tmp_path, data, dropout=0.2, steps=5).weights == first.weights
+    assert learn(tmp_path, data, steps=5).weights != first.weights
+    policy = load(first, BUNDLE)
+    assert np.array_equal(policy.act(policies.observation()), load(first, BUNDLE).act(policies.observation()))
 
 
 @pytest.mark.parametrize(
