@@ -31,7 +31,10 @@ INPUTS = {
         "assets": "twin/laptop_scene:body.asset",
     },
     "task/line": {name: f"task/close_laptop:{name}" for name in ("task", "reference", "view", "cell")},
-    "task/as_published": {"task": "task/close_laptop:task", "episodes": "task/close_laptop:episodes"},
+    "task/as_published": {
+        "task": "task/kl/lift_mustard_bottle:task",
+        "episodes": "task/kl/lift_mustard_bottle:episodes",
+    },
     "task/taught": {"task": "task/lift_blue_mug:task"},
     "task/on_laptop_scene": {"task": "task/close_laptop:task"},
     "task/shown": {
