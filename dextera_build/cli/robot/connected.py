@@ -75,6 +75,13 @@ def opened(args: argparse.Namespace) -> Connected:
     return Connected(session, bundle, topics.of_robot(bundle.robot, names, (args.camera,) if view else ()), view)
 
 
+def watched(args: argparse.Namespace, here: Connected) -> Topics:
+    """Topics of the robot with those of its camera, whether or not a policy takes pictures."""
+    from dextera_build.deploying import topics
+
+    return topics.of_robot(here.bundle.robot, here.topics.names, (args.camera,))
+
+
 def transport(args: argparse.Namespace, peers: tuple[str, ...], *, simulates: bool = False) -> Transport:
     """A program in the robot's domain.
 

@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from dextera_build.cli.robot import acting, connected
+from dextera_build.cli.robot import acting, beside, connected, track
 
 if TYPE_CHECKING:
     from dextera_build.cli.robot.connected import Connected
@@ -23,6 +23,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     connected.arguments(parser)
     acting.arguments(parser)
+    track.cell_arguments(parser)
     connected.recording_arguments(parser, "runs")
     parser.add_argument("--limit", type=float, metavar="S", help="longest run in seconds (of the task)")
     parser.add_argument(
@@ -50,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
         out = connected.recording(args, here, "runs")
         needed = [channel.name for channel in policy.contract.inputs]
         needed += ["objects", "displacement"] if terms else []  # a term may be computed from each
-        with connected.recorded(args, out) as (transport, bag):
+        with beside.tracker(args), connected.recorded(args, out) as (transport, bag):
             camera = here.view.camera if here.view else None
             cell = RosCell(transport, here.topics, here.bundle, needed, safety, bag, camera=camera)
             connected.refuse(args, here, transport, cell)
