@@ -122,6 +122,8 @@ def _matched(
         return
     yield Check(what, True, f"{len(found)} {'writer' if side.writes else 'reader'}")
     yield from _fits(topic, found[0])
+    if found[0].quality is None:
+        return
     offered, requested = (found[0].quality, topic.quality) if side.writes else (topic.quality, found[0].quality)
     yield Check(
         f"{topic.name} quality",
@@ -138,7 +140,7 @@ def _fits(topic: Topic, other: Endpoint) -> Iterator[Check]:
     )
     own = hashes.type_hash(topic.kind)
     if other.kind == topic.kind:
-        told = other.type_hash or "not stated (ROS 2 before Iron)"
+        told = other.type_hash or "not stated, as by ROS 2 before Iron and by rosbridge"
         mend = "the robot's definition of the message differs: install the ROS 2 packages of its distribution"
         yield Check(f"{topic.name} type hash", other.type_hash in ("", own), told, mend)
 
