@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -188,8 +189,10 @@ class Rig:
             self.time += TICK_NS
             self.robot.tick()
 
-    def drive(self, policy: Acting, limit_s: float = 2.0) -> Drive:
-        """Run a policy."""
+    def drive(self, policy: Acting, limit_s: float = 2.0, halt: threading.Event | None = None) -> Drive:
+        """Run a policy; `halt` is the operator's stop."""
         goal = self.robot.environment.goal
         clock = Clock(lambda: self.time, self.sleep)
-        return drive(self.cell, policy, goal, rate_hz=self.bundle.task.control_hz, limit_s=limit_s, clock=clock)
+        return drive(
+            self.cell, policy, goal, rate_hz=self.bundle.task.control_hz, limit_s=limit_s, clock=clock, halt=halt
+        )

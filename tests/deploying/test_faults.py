@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+
 import numpy as np
 import pytest
 
@@ -131,6 +133,19 @@ def test_the_operator_stops_it() -> None:
     ran = rig.drive(Line(TARGETS, after=10, then=pressed))
     assert ran.reason == "the guard stopped the robot: the operator stopped it"
     held(rig)
+
+
+def test_a_key_that_is_pressed_while_the_policy_thinks_stops_it() -> None:
+    rig, halt = Rig(), threading.Event()
+
+    def pressed() -> np.ndarray:
+        halt.set()
+        return TARGETS
+
+    ran = rig.drive(Line(TARGETS, after=10, then=pressed), halt=halt)
+    assert (ran.reason, ran.steps) == ("the guard stopped the robot: the operator stopped it", 10)
+    held(rig)
+    assert rig.robot.heard.commands == 10
 
 
 def test_an_error_in_a_policy_is_told_to_the_robot() -> None:

@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from dextera_build.cli.robot import acting, beside, connected, track
+from dextera_build.cli.robot import acting, beside, connected, stopping, track
 
 if TYPE_CHECKING:
     from dextera_build.cli.robot.connected import Connected
@@ -30,6 +30,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--speed", type=float, default=0.5, help="fraction of the joints' speed limits, above 0 to 1 (0.5)"
     )
     parser.add_argument("--ramp", type=float, default=1.5, metavar="S", help="time until that speed is allowed (1.5)")
+    parser.add_argument(
+        "--pedal",
+        metavar="DEVICE",
+        help="input device whose keys stop the run, /dev/input/by-id/...-event-kbd; keys of the terminal do, too",
+    )
     parser.add_argument(
         "--asynchronous",
         action="store_true",
@@ -93,17 +98,22 @@ def _driven(
     from dextera_build.sim.primitives import catalogue
 
     task = here.bundle.task
-    print(f"{task.name} at {task.control_hz:g} Hz on {args.robot}; press Ctrl-C to stop", file=sys.stderr, flush=True)
     goal = catalogue.of(task, here.bundle.objects).goal.numbers(here.bundle.base_pose.inverse().matrix)
     ahead = Ahead.of(policy, cell) if args.asynchronous else None
-    ran = drive(
-        cell,
-        ahead or policy,
-        np.array(goal, np.float32),
-        rate_hz=task.control_hz,
-        limit_s=args.limit or task.timeout_s,
-        added=cell.mirror.added(terms),
-    )
+    with stopping.stops(args.pedal) as halt:
+        keys = "any key" if sys.stdin.isatty() else "Ctrl-C"
+        print(
+            f"{task.name} at {task.control_hz:g} Hz on {args.robot}; press {keys} to stop", file=sys.stderr, flush=True
+        )
+        ran = drive(
+            cell,
+            ahead or policy,
+            np.array(goal, np.float32),
+            rate_hz=task.control_hz,
+            limit_s=args.limit or task.timeout_s,
+            added=cell.mirror.added(terms),
+            halt=halt,
+        )
     told = ran.facts() | (ahead.facts() if ahead else {})
     connected.judged(args, bag, told, ran.success)
     return ran, told
