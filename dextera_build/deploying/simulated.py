@@ -161,6 +161,8 @@ class SimulatedRobot:
         positions = self.environment.measure().joints
         if self._faulty("nan"):
             positions[0] = np.nan
+        if self._faulty("sign_flipped"):
+            positions[0] *= -1.0
         whole = self._joints.state(stamp, positions)
         if not (self._faulty("joint_missing") or self._faulty("joint_renamed")):
             return whole

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import time
+from pathlib import Path
+
 import pytest
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.formats.ros import reading
 from dextera_build.policy import robot_run
-from tests import gate
+from tests import documents, gate
 from tests.e2e.robots import DOMAIN, STORED, built, ended, started, stored
 from tests.e2e.space import Space
 from tests.sim.runtime import cells
@@ -106,6 +111,37 @@ def test_a_run_finds_its_objects_in_the_pictures_of_the_robot(space: Space) -> N
     opened = [float(each.displacement[0]) for each in run.measured]
     assert opened[0] == pytest.approx(0.0, abs=0.05)
     assert opened[-1] == pytest.approx(0.9, abs=0.3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("killed", ["tracker", "run"])
+def test_a_process_that_is_killed_leaves_the_robot_held_and_no_tracker(space: Space, killed: str) -> None:
+    project(space)
+    slowly = ("--speed", "0.05", "--limit", "60", "--out", "killed.mcap")
+    robot = started(space, *CELL, *NAMES, target="task/gate", names=())
+    try:
+        run = space.start("run", "task/gate", "--policy", "task/gate:policy", "--json", *CELL, *NAMES, *slowly)
+        assert run.stderr is not None
+        while "to stop" not in (line := run.stderr.readline()):
+            assert line, "the run ended"
+        (tracker,) = map(int, Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text().split())
+        time.sleep(2.0)  # ten control periods
+        os.kill(tracker if killed == "tracker" else run.pid, signal.SIGKILL)
+        out, err = run.communicate(timeout=60)
+        time.sleep(1.0)
+    finally:
+        heard = ended(robot)
+    end = time.monotonic() + 30
+    while Path(f"/proc/{tracker}").exists():
+        assert time.monotonic() < end, "the tracker did not end"
+        time.sleep(0.1)
+    assert heard["commands"] > 0
+    assert heard["commands_after_stop"] == 0
+    if killed == "tracker":
+        told = documents.read(out)
+        assert run.returncode == 1, err
+        assert told["reason"] == "the guard stopped the robot: no frame arrived for more than 0.5 s"
+        assert heard["commands"] == told["steps"]
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import signal
 import subprocess
 import sys
@@ -33,7 +34,7 @@ def tracker(args: argparse.Namespace) -> Iterator[None]:
         return
     from dextera_build.errors import MachineError
 
-    command = [sys.executable, "-m", "dextera_build", "robot", "track", args.target]
+    command = [sys.executable, "-m", "dextera_build", "robot", "track", args.target, "--parent", str(os.getpid())]
     for name in SAME:
         if (value := getattr(args, name, None)) not in (None, ""):
             command += [f"--{name}", str(value)]

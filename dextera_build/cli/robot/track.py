@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import signal
 import sys
 import time
@@ -31,6 +32,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     connected.arguments(parser)
     cell_arguments(parser)
+    parser.add_argument("--parent", type=int, metavar="PID", help=argparse.SUPPRESS)
     parser.add_argument("--robot", metavar="HOST", default="127.0.0.1", help="address of the robot (127.0.0.1)")
     parser.add_argument("--seconds", type=float, default=float("inf"), metavar="S", help="end after this time")
 
@@ -75,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
         scene = _scene(args, bundle, cell, camera)
         with CellTracker(cell, bundle, bundle.objects, bundle, camera) as tracker:
             made = ObjectTracker(transport, there, bundle, tracker, scene)
-            told = _followed(watched, made, args.seconds)
+            told = _followed(watched, made, args.seconds, args.parent)
     finally:
         transport.close()
     text = "\n".join(f"{name}\t{value}" for name, value in told.items())
@@ -113,8 +115,11 @@ def _scene(args: argparse.Namespace, bundle: TaskBundle, cell: Cell, camera: Cam
     return photographed.drawn(bundle, cell, camera)
 
 
-def _followed(watched: Watched, tracker: ObjectTracker, seconds: float) -> dict[str, Any]:
-    """Track each newest frame, and tell what was found and lost; returns what happened."""
+def _followed(watched: Watched, tracker: ObjectTracker, seconds: float, parent: int | None) -> dict[str, Any]:
+    """Track each newest frame, and tell what was found and lost; returns what happened.
+
+    It ends with the process `parent`, if it has one: a run that was killed leaves no tracker behind.
+    """
     from dextera_build.deploying.driving import quantiles
 
     ended: list[int] = []
@@ -123,7 +128,7 @@ def _followed(watched: Watched, tracker: ObjectTracker, seconds: float) -> dict[
     times, tracked = list[float](), dict.fromkeys(tracker.status, 0)
     before: dict[str, Status] = {}
     end = time.monotonic() + seconds
-    while not ended and time.monotonic() < end:
+    while not ended and time.monotonic() < end and parent in (None, os.getppid()):
         frame = watched.frame()
         if frame is None:
             time.sleep(LOOK_S)
