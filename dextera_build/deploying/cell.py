@@ -19,6 +19,7 @@ from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.deploying import periods, wire
 from dextera_build.deploying.bag import INTERVENTIONS, Bag
+from dextera_build.deploying.encoders import Encoders
 from dextera_build.deploying.frozen import Frozen
 from dextera_build.deploying.stream import Sample, Stream
 from dextera_build.deploying.topics import SIMULATED, STATUS, Topics
@@ -96,6 +97,7 @@ class RosCell:
         """Judges success by what was measured."""
         rate = bundle.task.control_hz
         self._period, self.rate_hz = round(SECOND / rate), rate
+        self._encoders = Encoders(bundle.robot)
         self._guard = Guard(safety.limits, bundle.robot, rate, self.mirror.palms, safety.ramp_s)
         self.previous_action = np.zeros(len(bundle.robot.joints))
         """Joint targets that were sent last (A,) [rad or m]."""
@@ -132,6 +134,7 @@ class RosCell:
         assert last is not None
         self.previous_action = np.array(last.value)
         self._guard.begin(self.previous_action)
+        self._encoders.begin(self.previous_action)
         measured = self.measure()
         if self.judges:
             self.mirror.begin(measured)
@@ -161,6 +164,8 @@ class RosCell:
         skew = (max(stamps) - min(stamps)) / SECOND
         if skew > self.safety.skew_s:
             raise self.stop(f"pictures and joint states are {skew:.3f} s apart, more than {self.safety.skew_s:g} s")
+        if why := self._encoders.fault(joints.stamp / SECOND, joints.value):
+            raise self.stop(why)
         self._anchor, self._measured = joints, self._transport.clock()
         seen = {name: self._frame(name, shown) for _, name in shown}
         found = Measurement(np.array(joints.value), self._poses(), self._displacement(), {**seen, **(frames or {})})
@@ -193,6 +198,7 @@ class RosCell:
             self._record(controller.topic, command, now)
         self.delays_s.append((self._transport.clock() - self._anchor.stamp) / SECOND - self.state.offset_s)
         self.previous_action = sent
+        self._encoders.sent(sent)
         return sent
 
     def stop(self, why: str) -> Stopped:

@@ -24,6 +24,12 @@ OUTSIDE_RAD = 0.02
 """Distance beyond a limit that is an error of calibration, not of a name or sign [rad or m]."""
 
 
+UNHEARD = "allow UDP ports 7400 to 7500 in both firewalls; compare ROS_DOMAIN_ID and `--domain`"
+"""What mends a silent topic."""
+UNSEEN = "is `{}` in the picture, and is a tracker running? `--cell` starts one, which says what it does not find"
+"""What mends an object without a pose."""
+
+
 @dataclass(frozen=True)
 class Check:
     """One check."""
@@ -60,7 +66,8 @@ def checkup(
     found += [
         check for controller in topics.controllers for check in _matched(controller.topic, others, fits, CONTROLLER)
     ]
-    found += [check for stream in cell.needed_streams() for check in _arrives(stream)]
+    silence_s, now = cell.safety.limits.silence_s, transport.clock()
+    found += [check for stream in cell.needed_streams() for check in _arrives(stream, stream.silent_s(now), silence_s)]
     found += _clock(cell.state, LEAST_STATES * cell.rate_hz)
     found += _joints(cell, robot)
     return tuple(found)
@@ -115,6 +122,8 @@ def _matched(
         return
     yield Check(what, True, f"{len(found)} {'writer' if side.writes else 'reader'}")
     yield from _fits(topic, found[0])
+    if found[0].quality is None:
+        return
     offered, requested = (found[0].quality, topic.quality) if side.writes else (topic.quality, found[0].quality)
     yield Check(
         f"{topic.name} quality",
@@ -131,23 +140,19 @@ def _fits(topic: Topic, other: Endpoint) -> Iterator[Check]:
     )
     own = hashes.type_hash(topic.kind)
     if other.kind == topic.kind:
-        told = other.type_hash or "not stated (ROS 2 before Iron)"
+        told = other.type_hash or "not stated, as by ROS 2 before Iron and by rosbridge"
         mend = "the robot's definition of the message differs: install the ROS 2 packages of its distribution"
         yield Check(f"{topic.name} type hash", other.type_hash in ("", own), told, mend)
 
 
-def _arrives(stream: Stream) -> Iterator[Check]:
-    """Whether usable messages arrive, and fast enough."""
+def _arrives(stream: Stream, silent_s: float, most_s: float) -> Iterator[Check]:
+    """Whether usable messages arrive, and are still arriving."""
     if stream.fault:
         mend = "correct `joints` of the robot's `simulate.ros_names`" if "lacks" in stream.fault else "see the driver"
         yield Check(f"{stream.name} arrives", False, stream.fault, mend)
-    elif stream.last is None:
-        yield Check(
-            f"{stream.name} arrives",
-            False,
-            "no message",
-            "allow UDP ports 7400 to 7500 in both firewalls; compare ROS_DOMAIN_ID and `--domain`",
-        )
+    elif silent_s > most_s:
+        found = "no message" if stream.last is None else f"no message for {silent_s:.1f} s"
+        yield Check(f"{stream.name} arrives", False, found, UNSEEN.format(stream.of) if stream.of else UNHEARD)
     else:
         yield Check(f"{stream.name} arrives", True, f"{stream.count} messages, {stream.rate_hz():.1f} Hz")
 

@@ -121,9 +121,10 @@ def drive(
         ran.success = False if cell.judges else None
         due = clock.now()
         while True:
-            if halt is not None and halt.is_set():
+            targets = policy.act(deployable(measured, cell.previous_action, goal, added))
+            if halt is not None and halt.is_set():  # also while the policy thought
                 raise cell.stop("the operator stopped it")
-            cell.send(policy.act(deployable(measured, cell.previous_action, goal, added)))
+            cell.send(targets)
             ran.steps += 1
             sent.append(clock.now())
             # Commands that follow closely would exceed the speed limits, so that time is not made up.

@@ -9,7 +9,7 @@ from dextera_build.formats.ros.reading import SECOND
 
 FaultKind = Literal[
     "joint_states_stop", "joint_states_late", "joint_states_lost", "pictures_stop", "pictures_freeze", "poses_stop",
-    "stamps_jump", "stamps_back", "nan", "joint_missing", "joint_renamed", "cut",
+    "stamps_jump", "stamps_back", "nan", "sign_flipped", "joint_missing", "joint_renamed", "cut",
 ]  # fmt: skip
 FAULTS: tuple[FaultKind, ...] = get_args(FaultKind)
 JUMP_NS = 3 * SECOND

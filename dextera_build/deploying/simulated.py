@@ -15,10 +15,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.deploying import wire
 from dextera_build.deploying.faults import JUMP_NS, LATE_S, LOST, Fault, FaultKind
-from dextera_build.deploying.topics import SIMULATED, STATUS, Commanded, Topics
-from dextera_build.deploying.transport import Quality, Topic, Transport
+from dextera_build.deploying.topics import SIMULATED, STATUS, Commanded, Topics, beside, offered
+from dextera_build.deploying.transport import SENSOR, Topic, Transport
 from dextera_build.formats.ros import hashes, messages
 from dextera_build.formats.ros.reading import SECOND
 from dextera_build.formats.ros.recording import packed
@@ -43,6 +44,8 @@ class Simulation:
     """Delay of commands [s]."""
     loss: float = 0.02
     """Fraction of pictures and poses that are lost, 0..1."""
+    tracks: bool = True
+    """Whether poses of objects are published, as by a tracker; false: a tracker has to find them in the pictures."""
     clock_s: float = 0.0
     """Time by which the clock of the stamps is ahead [s]."""
     faults: tuple[Fault, ...] = ()
@@ -80,6 +83,7 @@ class SimulatedRobot:
         environment: The world, in which an episode was begun.
         simulation: Sensors and network.
         look: Gives the frame of the current state; None: there is no camera.
+        camera: Its intrinsics, which are published with the pictures; None: they are not.
     """
 
     def __init__(
@@ -89,9 +93,10 @@ class SimulatedRobot:
         environment: Environment,
         simulation: Simulation = Simulation(),
         look: Callable[[], Frame] | None = None,
+        camera: Camera | None = None,
     ) -> None:
         self._transport, self._topics, self.environment = transport, topics, environment
-        self._simulation, self._look = simulation, look
+        self._simulation, self._look, self._camera = simulation, look, camera
         robot = environment.bundle.robot
         self._names = [joint.name for joint in robot.joints]
         self._joints = wire.Joints(self._names, topics)
@@ -150,12 +155,14 @@ class SimulatedRobot:
             held = round(LATE_S * STATE_HZ) if self._faulty("joint_states_late") else 0
             self._states.append((self._ticks + held, self._state(stamp)))
         while self._states and self._states[0][0] <= self._ticks:
-            self._transport.publish(_offered(self._topics.joints), self._states.popleft()[1])
+            self._transport.publish(offered(self._topics.joints), self._states.popleft()[1])
 
     def _state(self, stamp: int) -> bytes:
         positions = self.environment.measure().joints
         if self._faulty("nan"):
             positions[0] = np.nan
+        if self._faulty("sign_flipped"):
+            positions[0] *= -1.0
         whole = self._joints.state(stamp, positions)
         if not (self._faulty("joint_missing") or self._faulty("joint_renamed")):
             return whole
@@ -168,13 +175,13 @@ class SimulatedRobot:
 
     def _see(self, stamp: int) -> None:
         bundle, seen = self.environment.bundle, self.environment.measure()
-        if not self._faulty("poses_stop"):
+        if self._simulation.tracks and not self._faulty("poses_stop"):
             placed = dict(zip(bundle.objects, seen.objects, strict=True))
             tracked = wire.poses(stamp, self._topics.names.base, placed)
-            self._transport.publish(_offered(self._topics.objects), tracked)
+            self._transport.publish(offered(self._topics.objects), tracked)
             if len(seen.displacement):
                 inner = self._inner.state(stamp, seen.displacement)
-                self._transport.publish(_offered(self._topics.displacement), inner)
+                self._transport.publish(offered(self._topics.displacement), inner)
         if self._look is None or self._faulty("pictures_stop"):
             return
         if not (self._picture and self._faulty("pictures_freeze")):
@@ -182,6 +189,9 @@ class SimulatedRobot:
             self._picture, self._depth = packed(np.asarray(frame.rgb), "jpeg"), frame.depth
         for camera, topic in self._topics.pictures.items():
             self._transport.publish(topic, messages.compressed_image(stamp, camera, "jpeg", self._picture))
+            if self._camera is not None:
+                info = Topic(beside(topic.name), "sensor_msgs/CameraInfo", SENSOR)
+                self._transport.publish(info, messages.camera_info(stamp, camera, self._camera))
         if self._depth is None:
             return
         for camera, topic in self._topics.depths.items():
@@ -235,11 +245,6 @@ class SimulatedRobot:
         if found:
             self.heard.faults.setdefault(kind, self._transport.clock())
         return found
-
-
-def _offered(topic: Topic) -> Topic:
-    """A topic as a robot offers it: joint states and transforms are reliable."""
-    return Topic(topic.name, topic.kind, Quality())
 
 
 def facts(robot: SimulatedRobot) -> dict[str, Any]:

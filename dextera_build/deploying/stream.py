@@ -37,10 +37,11 @@ class Stream:
         topic: Its name.
         depth: Number of measurements that are kept.
         of: The object that is measured, if the topic has several.
+        strict: Whether a clock that is set is a fault; otherwise measurements begin anew, for those who move nothing.
     """
 
-    def __init__(self, topic: str, depth: int = KEPT, of: str = "") -> None:
-        self.topic = topic
+    def __init__(self, topic: str, depth: int = KEPT, of: str = "", *, strict: bool = True) -> None:
+        self.topic, self.of = topic, of
         self.name = f"{topic} of {of}" if of else topic
         """What it is called in messages."""
         self.fault = ""
@@ -48,6 +49,7 @@ class Stream:
         self.count = 0
         self.stale = 0
         """Number of measurements that arrived after newer ones."""
+        self._strict = strict
         self._samples: deque[Sample] = deque(maxlen=depth)
         self._offset: int | None = None
         self._lock = threading.Lock()
@@ -58,8 +60,11 @@ class Stream:
             self.count += 1
             difference = sample.arrived - sample.stamp
             if self._offset is not None and (jump := self._jump(sample, self._offset)):
-                self.fault = self.fault or f"the stamps of `{self.name}` jumped by {jump / SECOND:+.2f} s"
-                return
+                if self._strict:
+                    self.fault = self.fault or f"the stamps of `{self.name}` jumped by {jump / SECOND:+.2f} s"
+                    return
+                self._samples.clear()
+                self._offset = None
             self._offset = difference if self._offset is None else min(self._offset, difference)
             if self._samples and sample.stamp < self._samples[-1].stamp:
                 self.stale += 1

@@ -80,6 +80,16 @@ def of_robot(robot: RobotModel, names: RosNames, cameras: Iterable[str] = ()) ->
     )
 
 
+def offered(topic: Topic) -> Topic:
+    """A topic as robots and trackers offer it: joint states and transforms are reliable."""
+    return Topic(topic.name, topic.kind, Quality())
+
+
+def beside(picture: str) -> str:
+    """Topic of the `sensor_msgs/CameraInfo` of a camera's pictures, by the convention of image_transport."""
+    return f"{picture.removesuffix('/compressed').rpartition('/')[0]}/camera_info"
+
+
 def _read(term: str, name: str, camera: str = "") -> Topic:
     declared = BY_NAME[term]
     return Topic(name or declared.topic.format(camera), declared.message, SENSOR)

@@ -58,8 +58,8 @@ class Endpoint:
     """`sensor_msgs/JointState`; the name of a DDS type if it is none of ROS 2."""
     writes: bool
     """Whether it is a writer."""
-    quality: Quality
-    """Its quality of service."""
+    quality: Quality | None
+    """Its quality of service; None: it is not stated, because a bridge takes one that fits."""
     type_hash: str = ""
     """`RIHS01_...`; empty if it states none, as programs before ROS 2 Iron."""
 

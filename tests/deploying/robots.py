@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import io
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.robots.ros_names import RosNames
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.deploying import topics as tables
@@ -138,6 +141,8 @@ class Rig:
         camera: What the camera shows; None: there is none.
         depth: Its depth [m]; None: none is published.
         cell_names: Names that the cell believes.
+        look: Gives what the camera shows in a world, instead.
+        intrinsics: Intrinsics that the camera publishes.
     """
 
     def __init__(
@@ -153,17 +158,22 @@ class Rig:
         out: Any = None,
         bundle: TaskBundle | None = None,
         seed: int | None = None,
+        look: Callable[[Environment], Frame] | None = None,
+        intrinsics: Camera | None = None,
     ) -> None:
         self.bundle = bundle or task_bundles.lift()
         self.time = 1_000 * 1_000_000_000
         self.bus = Bus(now=lambda: self.time)
-        cameras = () if camera is None else ("workspace",)
+        cameras = () if camera is None and look is None else ("workspace",)
         topics = tables.of_robot(self.bundle.robot, names or RosNames(), cameras)
-        look = None if camera is None else lambda: Frame(camera + np.uint8(self.time // TICK_NS % 2), depth)  # as noise
         world = Environment(self.bundle)
+        shown = None if look is None else partial(look, world)
+        if camera is not None:
+            shown = lambda: Frame(camera + np.uint8(self.time // TICK_NS % 2), depth)  # as noise  # noqa: E731
         if seed is not None:
             world.begin(world.draw(seed))
-        self.robot = SimulatedRobot(Loopback(self.bus), topics, world, simulation or Simulation(), look)
+        simulation = simulation or Simulation()
+        self.robot = SimulatedRobot(Loopback(self.bus), topics, world, simulation, shown, intrinsics)
         self.file = io.BytesIO() if out is None else out
         self.bag = Bag(self.file)
         believed = topics if cell_names is None else tables.of_robot(self.bundle.robot, cell_names, cameras)
@@ -179,8 +189,10 @@ class Rig:
             self.time += TICK_NS
             self.robot.tick()
 
-    def drive(self, policy: Acting, limit_s: float = 2.0) -> Drive:
-        """Run a policy."""
+    def drive(self, policy: Acting, limit_s: float = 2.0, halt: threading.Event | None = None) -> Drive:
+        """Run a policy; `halt` is the operator's stop."""
         goal = self.robot.environment.goal
         clock = Clock(lambda: self.time, self.sleep)
-        return drive(self.cell, policy, goal, rate_hz=self.bundle.task.control_hz, limit_s=limit_s, clock=clock)
+        return drive(
+            self.cell, policy, goal, rate_hz=self.bundle.task.control_hz, limit_s=limit_s, clock=clock, halt=halt
+        )

@@ -12,7 +12,7 @@ from dextera_build.deploying import topics as tables
 from dextera_build.deploying.checkup import Check, checkup
 from dextera_build.deploying.simulated import Simulation
 from dextera_build.deploying.transport import Quality, Topic
-from dextera_build.formats.ros import messages
+from dextera_build.formats.ros import hashes, messages
 from tests.deploying.robots import Rig
 
 
@@ -34,6 +34,33 @@ def test_topics_of_other_names_are_told_with_those_that_exist() -> None:
     assert "`/arm/states`" in found["/joint_states is published"].mend
     assert found["/joint_states arrives"].found == "no message"
     assert "`/arm/go`" in found["/joint_trajectory has a controller"].mend
+
+
+@pytest.mark.parametrize(("lost_after_s", "said"), [(0.0, "no message"), (0.3, "no message for 0.7 s")])
+def test_an_object_that_the_tracker_does_not_find_is_told(lost_after_s: float, said: str) -> None:
+    rig = Rig(simulation=Simulation(loss=0.0))
+    placed = rig.cell._placed
+    topic = tables.of_robot(rig.bundle.robot, RosNames()).objects
+    rig.transport._readers[topic.name] = (
+        topic,
+        [lambda message, at: placed(_without(message, "box" if rig.time > lost_ns else ""), at)],
+    )
+    lost_ns = rig.time + round(lost_after_s * 1e9)
+    found = failed(rig)
+    assert list(found) == ["/tf of box arrives"]
+    assert found["/tf of box arrives"].found == said
+    assert "is `box` in the picture" in found["/tf of box arrives"].mend
+
+
+def _without(message: bytes, name: str) -> bytes:
+    """Poses but that of one object."""
+    read = hashes.read("tf2_msgs/TFMessage", message)
+    edges = []
+    for each in read.transforms:
+        at, turn = each.transform.translation, each.transform.rotation
+        pose = np.array([at.x, at.y, at.z, turn.w, turn.x, turn.y, turn.z])
+        edges += [(each.header.frame_id, each.child_frame_id, pose)] if each.child_frame_id != name else []
+    return messages.transforms(read.transforms[0].header.stamp.sec * 10**9, edges)
 
 
 def test_a_controller_of_another_type_is_found() -> None:

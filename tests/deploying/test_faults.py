@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from dextera_build.policy.running import PolicyFault
 from tests.deploying.robots import Line, Rig
 
 TARGETS = np.array([0.1, -0.05, 0.05, 0.04, 0.04])
+ASTRAY = "moved away from the targets: positions and commands have different signs, or belong to different joints"
 WHY: dict[FaultKind, str] = {
     "joint_states_stop": "no joint states arrived for more than 0.1 s",
     "joint_states_late": "no joint states arrived for more than 0.1 s",
@@ -23,6 +26,7 @@ WHY: dict[FaultKind, str] = {
     "stamps_jump": "the stamps of `/joint_states` jumped by +3.00 s",
     "stamps_back": "the stamps of `/joint_states` jumped by -3.00 s",
     "nan": "a message of `/joint_states` cannot be used: the position of x is not a finite number",
+    "sign_flipped": f"x {ASTRAY}",
     "joint_missing": "a message of `/joint_states` cannot be used: it lacks x; it has left, right, y, z",
     "joint_renamed": "a message of `/joint_states` cannot be used: it lacks x; it has left, right, x_2, y, z",
     "cut": "no joint states arrived for more than 0.1 s",
@@ -52,6 +56,23 @@ def test_a_fault_of_the_robot_ends_held_and_explained(kind: FaultKind) -> None:
     held(rig)
     if kind != "cut":
         assert rig.robot.heard.status[-1] == f"stopped: {ran.reason}"
+
+
+def test_names_that_are_exchanged_in_the_joint_states_end_held_and_explained() -> None:
+    rig = Rig()
+    told = rig.robot._joints.state
+    rig.robot._joints.state = lambda stamp, places: told(stamp, places[[1, 0, 2, 3, 4]])  # type: ignore[method-assign]
+    ran = rig.drive(Line(np.array([0.3, -0.3, 0.05, 0.04, 0.04])), limit_s=5.0)
+    assert ran.reason.startswith(f"the guard stopped the robot: x, y {ASTRAY}")
+    assert np.abs(rig.robot.environment.measure().joints[:2]).max() < 0.1
+    held(rig)
+
+
+def test_a_position_that_jumps_ends_held_and_explained() -> None:
+    rig = Rig(simulation=Simulation(faults=(Fault("sign_flipped", at_s=2.0),)))
+    ran = rig.drive(Line(np.array([0.4, 0.3, 0.05, 0.04, 0.04])), limit_s=5.0)
+    assert "the guard stopped the robot: positions jumped in 0.050 s: x from 0." in ran.reason
+    held(rig)
 
 
 @pytest.mark.parametrize("for_s", [0.2, 2.0])
@@ -131,6 +152,19 @@ def test_the_operator_stops_it() -> None:
     ran = rig.drive(Line(TARGETS, after=10, then=pressed))
     assert ran.reason == "the guard stopped the robot: the operator stopped it"
     held(rig)
+
+
+def test_a_key_that_is_pressed_while_the_policy_thinks_stops_it() -> None:
+    rig, halt = Rig(), threading.Event()
+
+    def pressed() -> np.ndarray:
+        halt.set()
+        return TARGETS
+
+    ran = rig.drive(Line(TARGETS, after=10, then=pressed), halt=halt)
+    assert (ran.reason, ran.steps) == ("the guard stopped the robot: the operator stopped it", 10)
+    held(rig)
+    assert rig.robot.heard.commands == 10
 
 
 def test_an_error_in_a_policy_is_told_to_the_robot() -> None:

@@ -37,6 +37,7 @@ ENDS: dict[FaultKind, tuple[float | None, tuple[str, ...]]] = {
     "stamps_jump": (PERIODS_S, ("jumped by +3.00 s",)),
     "stamps_back": (PERIODS_S, ("jumped by -3.00 s",)),
     "nan": (PERIODS_S, ("is not a finite number",)),
+    "sign_flipped": (None, ("x moved away from the targets", "positions jumped")),
     "joint_missing": (PERIODS_S, ("it lacks x",)),
     "joint_renamed": (PERIODS_S, ("it lacks x",)),
     "cut": (PERIODS_S, SILENT),

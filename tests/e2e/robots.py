@@ -147,9 +147,11 @@ def built(space: Space) -> Space:
     return space
 
 
-def started(space: Space, *more: str) -> subprocess.Popen[str]:
+def started(
+    space: Space, *more: str, target: str = "task/try", names: tuple[str, ...] = NAMES
+) -> subprocess.Popen[str]:
     """A simulated robot that moves when it is told to."""
-    made = space.start("robot", "simulate", "task/try", "--json", *NAMES, *more)
+    made = space.start("robot", "simulate", target, "--json", *names, *more)
     assert made.stderr is not None
     while "simulated robot" not in (line := made.stderr.readline()):
         assert line, "the robot ended"

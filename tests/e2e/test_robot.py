@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import time
@@ -10,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dextera_build.cli.robot.stopping import EVENT
 from dextera_build.formats.ros import reading
 from dextera_build.policy import robot_run
 from dextera_build.sim.model.model import compile_folder
@@ -181,9 +183,10 @@ def test_a_policy_of_another_process_drives_a_robot_over_dds(space: Space) -> No
     assert "DXB-E328" in nobody.err
 
 
-def moving(space: Space, policy: str) -> subprocess.Popen[str]:
+def moving(space: Space, policy: str, *more: str) -> subprocess.Popen[str]:
     """A run that has begun to move the robot."""
-    made = space.start("run", "task/try", "--policy", policy, "--out", "killed.mcap", "--json", "--limit", "60", *NAMES)
+    words = ("run", "task/try", "--policy", policy, "--out", "killed.mcap", "--json", "--limit", "60")
+    made = space.start(*words, *NAMES, *more)
     assert made.stderr is not None
     while "press Ctrl-C to stop" not in (line := made.stderr.readline()):
         assert line, "the run ended"
@@ -219,6 +222,29 @@ def test_a_policys_process_that_is_killed_leaves_the_robot_held(space: Space) ->
         run_made = robot_run.read(stream, "killed.mcap", bundle)
     assert len(run_made.sent) == told["steps"]
     assert heard["joints"] == pytest.approx(dict(zip(TARGETS, run_made.sent[-1], strict=True)), abs=5e-3)
+
+
+@pytest.mark.slow
+def test_a_pedal_stops_a_run(space: Space) -> None:
+    built(space)
+    pedal = space.root / "pedal"
+    os.mkfifo(pedal)
+    foot = os.open(pedal, os.O_RDWR)
+    robot = started(space)
+    try:
+        run = moving(space, "task/try:policy", "--pedal", str(pedal))
+        os.write(foot, EVENT.pack(1, 2, 1, 30, 1))
+        out, err = run.communicate(timeout=60)
+        time.sleep(1.0)
+    finally:
+        heard = ended(robot)
+        os.close(foot)
+    told = documents.read(out)
+    assert run.returncode == 1, err
+    assert told["reason"] == "the guard stopped the robot: the operator stopped it"
+    assert heard["commands"] == 2 * told["steps"] > 0
+    assert heard["commands_after_stop"] == 0
+    assert heard["status"][-1] == f"stopped: {told['reason']}"
 
 
 @pytest.mark.parametrize(

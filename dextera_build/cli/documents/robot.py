@@ -47,6 +47,15 @@ DOCUMENTS = (
             "failed": ("integer", "number of checks that failed"),
         },
     ),
+    Document(
+        "robot.track",
+        "dxb robot track RECIPE --cell RECIPE:NODE",
+        {
+            "frames": ("integer", "frames in which objects were tracked"),
+            **_times("frame", "time of a frame in the tracker", "number or null"),
+            "tracked.*": ("number", "object -> fraction of frames in which it was measured"),
+        },
+    ),
     Document("robot.record", "dxb robot record RECIPE", {**_ENDED, **_RECORDING}),
     Document(
         "robot.simulate",

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from dextera_build.session import Session
 
 CAMERA = "workspace"
-TRANSPORTS = ("dds", "zenoh")
+TRANSPORTS = ("dds", "zenoh", "rosbridge")
 ANYWHERE = "0.0.0.0"
 """Where a simulated robot that others read listens as a router."""
 
@@ -36,7 +36,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--camera", default=CAMERA, help=f"name of that camera in topics ({CAMERA})")
     parser.add_argument("--domain", type=int, default=0, help="ROS_DOMAIN_ID of the robot (0)")
     parser.add_argument(
-        "--transport", choices=TRANSPORTS, default="dds", help="zenoh: the robot uses rmw_zenoh_cpp (dds)"
+        "--transport",
+        choices=TRANSPORTS,
+        default="dds",
+        help="zenoh: the robot uses rmw_zenoh_cpp; rosbridge: a server of rosbridge runs on it (dds)",
     )
     options.project_arguments(parser)
     options.json_argument(parser)
@@ -75,6 +78,13 @@ def opened(args: argparse.Namespace) -> Connected:
     return Connected(session, bundle, topics.of_robot(bundle.robot, names, (args.camera,) if view else ()), view)
 
 
+def watched(args: argparse.Namespace, here: Connected) -> Topics:
+    """Topics of the robot with those of its camera, whether or not a policy takes pictures."""
+    from dextera_build.deploying import topics
+
+    return topics.of_robot(here.bundle.robot, here.topics.names, (args.camera,))
+
+
 def transport(args: argparse.Namespace, peers: tuple[str, ...], *, simulates: bool = False) -> Transport:
     """A program in the robot's domain.
 
@@ -84,10 +94,10 @@ def transport(args: argparse.Namespace, peers: tuple[str, ...], *, simulates: bo
         simulates: Whether it takes the place of the robot, where the router of Zenoh is.
 
     Raises:
-        UsageError: There is no such domain.
+        UsageError: There is no such domain, or a simulated robot is no server of rosbridge.
         MachineError: The package of the transport is missing, or the network cannot be used.
     """
-    from dextera_build.deploying import dds, zenoh_wire
+    from dextera_build.deploying import dds, rosbridge, zenoh_wire
     from dextera_build.errors import UsageError
 
     if not 0 <= args.domain <= dds.MOST_DOMAIN:
@@ -97,7 +107,13 @@ def transport(args: argparse.Namespace, peers: tuple[str, ...], *, simulates: bo
     if args.transport == "zenoh":
         address = (ANYWHERE if peers else dds.LOCAL) if simulates else peers[0]
         return zenoh_wire.Zenoh(address, args.domain, routes=simulates)
-    return dds.Dds(peers, args.domain)
+    if args.transport == "rosbridge" and simulates:
+        raise UsageError(
+            "a simulated robot is no server of rosbridge",
+            code="DXB-U352",
+            hint="`--transport dds` or `--transport zenoh`; a server of rosbridge in the same domain then finds it",
+        )
+    return rosbridge.Rosbridge(peers[0]) if args.transport == "rosbridge" else dds.Dds(peers, args.domain)
 
 
 def shown(checks: tuple[Check, ...]) -> list[dict[str, Any]]:

@@ -7,7 +7,7 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
-from dextera_build.cli.robot import connected
+from dextera_build.cli.robot import beside, connected
 
 if TYPE_CHECKING:
     from dextera_build.deploying.demonstration import Demonstration
@@ -27,7 +27,7 @@ def run(args: argparse.Namespace) -> int:
 
     here = connected.opened(args)
     out = connected.recording(args, here, "recordings")
-    with connected.recorded(args, out) as (transport, bag):
+    with beside.tracker(args), connected.recorded(args, out) as (transport, bag):
         cell = RosCell(transport, here.topics, here.bundle, NEEDED, bag=bag)
         made = Demonstration(transport, here.topics, here.bundle, cell, bag)
         connected.refuse(args, here, transport, cell)

@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from dextera_build.cli.robot import acting, connected
+from dextera_build.cli.robot import acting, beside, connected, stopping, track
 
 if TYPE_CHECKING:
     from dextera_build.cli.robot.connected import Connected
@@ -23,12 +23,18 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     connected.arguments(parser)
     acting.arguments(parser)
+    track.cell_arguments(parser)
     connected.recording_arguments(parser, "runs")
     parser.add_argument("--limit", type=float, metavar="S", help="longest run in seconds (of the task)")
     parser.add_argument(
         "--speed", type=float, default=0.5, help="fraction of the joints' speed limits, above 0 to 1 (0.5)"
     )
     parser.add_argument("--ramp", type=float, default=1.5, metavar="S", help="time until that speed is allowed (1.5)")
+    parser.add_argument(
+        "--pedal",
+        metavar="DEVICE",
+        help="input device whose keys stop the run, /dev/input/by-id/...-event-kbd; keys of the terminal do, too",
+    )
     parser.add_argument(
         "--asynchronous",
         action="store_true",
@@ -50,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
         out = connected.recording(args, here, "runs")
         needed = [channel.name for channel in policy.contract.inputs]
         needed += ["objects", "displacement"] if terms else []  # a term may be computed from each
-        with connected.recorded(args, out) as (transport, bag):
+        with beside.tracker(args), connected.recorded(args, out) as (transport, bag):
             camera = here.view.camera if here.view else None
             cell = RosCell(transport, here.topics, here.bundle, needed, safety, bag, camera=camera)
             connected.refuse(args, here, transport, cell)
@@ -92,17 +98,22 @@ def _driven(
     from dextera_build.sim.primitives import catalogue
 
     task = here.bundle.task
-    print(f"{task.name} at {task.control_hz:g} Hz on {args.robot}; press Ctrl-C to stop", file=sys.stderr, flush=True)
     goal = catalogue.of(task, here.bundle.objects).goal.numbers(here.bundle.base_pose.inverse().matrix)
     ahead = Ahead.of(policy, cell) if args.asynchronous else None
-    ran = drive(
-        cell,
-        ahead or policy,
-        np.array(goal, np.float32),
-        rate_hz=task.control_hz,
-        limit_s=args.limit or task.timeout_s,
-        added=cell.mirror.added(terms),
-    )
+    with stopping.stops(args.pedal) as halt:
+        keys = "any key" if sys.stdin.isatty() else "Ctrl-C"
+        print(
+            f"{task.name} at {task.control_hz:g} Hz on {args.robot}; press {keys} to stop", file=sys.stderr, flush=True
+        )
+        ran = drive(
+            cell,
+            ahead or policy,
+            np.array(goal, np.float32),
+            rate_hz=task.control_hz,
+            limit_s=args.limit or task.timeout_s,
+            added=cell.mirror.added(terms),
+            halt=halt,
+        )
     told = ran.facts() | (ahead.facts() if ahead else {})
     connected.judged(args, bag, told, ran.success)
     return ran, told

@@ -120,7 +120,7 @@ def test_while_nothing_is_seen_the_last_pose_holds(environment):
     with TrackedCell(environment, cells.cell(), ()) as watching:
         assert watching.begin(start) == ""
         first = watching.measure()
-        watching._eye.look_from(factories.look_at((0.25, -0.55, 0.6), (3.0, 0.0, 2.0)))
+        watching._camera.eye.look_from(factories.look_at((0.25, -0.55, 0.6), (3.0, 0.0, 2.0)))
         for _ in range(15):
             environment.step(np.array([gate.target(gate.PUSHES)]))
             seen = watching.measure()

@@ -1,0 +1,102 @@
+"""What stops a run at once: any key in its terminal, and any key of an input device, as a pedal is one."""
+
+from __future__ import annotations
+
+import os
+import select
+import struct
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+
+EVENT = struct.Struct("llHHi")
+"""`struct input_event` of linux/input.h: two numbers of the time, type, code, value."""
+EV_KEY, PRESSED = 1, 1
+LOOK_S = 0.05
+"""Time between two looks whether the run has ended [s]."""
+
+
+@contextmanager
+def stops(device: str | None) -> Iterator[threading.Event]:
+    """Yield what is set once the operator presses a key: of the terminal, if there is one, or of an input device.
+
+    Args:
+        device: Path of the device, `/dev/input/by-id/...-event-kbd`; None: the terminal alone. If it goes away, that
+            is a stop, too.
+
+    Raises:
+        MachineError: The device cannot be read.
+    """
+    pressed, ended = threading.Event(), threading.Event()
+    with ExitStack() as held:
+        watched: list[tuple[int, Callable[[bytes], bool]]] = []
+        if device is not None:
+            watched.append((held.enter_context(_opened(device)), key_pressed))
+        if sys.stdin is not None and sys.stdin.isatty():
+            watched.append((held.enter_context(_unbuffered()), bool))
+        threads = [
+            threading.Thread(target=_watch, args=(*each, pressed, ended), name="stop", daemon=True) for each in watched
+        ]
+        for thread in threads:
+            thread.start()
+        try:
+            yield pressed
+        finally:
+            ended.set()
+            for thread in threads:
+                thread.join()
+
+
+def key_pressed(data: bytes) -> bool:
+    """Whether a key was pressed in the events (of whole length) that were read from an input device."""
+    return any(kind == EV_KEY and value == PRESSED for _, _, kind, _, value in EVENT.iter_unpack(data))
+
+
+def _watch(number: int, tells: Callable[[bytes], bool], pressed: threading.Event, ended: threading.Event) -> None:
+    """Read a file until what was read tells of a key, or the file ends."""
+    while not ended.is_set():
+        ready, _, _ = select.select([number], [], [], LOOK_S)
+        if not ready:
+            continue
+        try:
+            data = os.read(number, 64 * EVENT.size)
+        except OSError:  # it was unplugged
+            data = b""
+        if not data or tells(data):
+            pressed.set()
+            return
+
+
+@contextmanager
+def _opened(device: str) -> Iterator[int]:
+    from dextera_build.errors import MachineError
+
+    try:
+        number = os.open(device, os.O_RDONLY)
+    except OSError as error:
+        raise MachineError(
+            f"the input device `{device}` cannot be read: {error.strerror}",
+            code="DXB-E448",
+            hint="`ls /dev/input/by-id/*-event-kbd` lists keyboards and pedals; members of group `input` may read them",
+        ) from None
+    try:
+        yield number
+    finally:
+        os.close(number)
+
+
+@contextmanager
+def _unbuffered() -> Iterator[int]:
+    """The terminal, which passes on each key at once and does not show it; Ctrl-C stays an interrupt."""
+    import termios
+    import tty
+
+    number = sys.stdin.fileno()
+    before = termios.tcgetattr(number)
+    tty.setcbreak(number)
+    try:
+        yield number
+    finally:
+        # Further keys that were pressed in haste are no answer to the question of the verdict.
+        termios.tcsetattr(number, termios.TCSAFLUSH, before)

@@ -1,0 +1,70 @@
+"""Notices joint states that cannot be those of the joints that are commanded.
+
+A position that jumps is none of a joint. A joint that goes away from its targets has positions of another sign than its
+commands, or those of another joint, and the policy would send it further and further. A joint whose positions and
+commands both have the other sign follows its targets, and does not show here.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.errors import listing
+
+MOVED_RAD, OF_RANGE = 0.05, 0.05
+"""Motion that shows a direction: the smaller one of this [rad or m] and of this fraction of the joint's range."""
+BEYOND = 4.0
+"""Multiple of that motion by which no load moves a joint beyond all its targets."""
+FASTER = 3.0
+"""Multiple of the speed limit of a joint above which no joint moves."""
+
+
+class Encoders:
+    """Compares the positions of joints with their targets and with the positions before.
+
+    Args:
+        robot: The embodiment.
+    """
+
+    def __init__(self, robot: RobotModel) -> None:
+        self._names = [joint.name for joint in robot.joints]
+        lower, upper, self._speed = (
+            np.array([getattr(joint, name) for joint in robot.joints]) for name in ("lower", "upper", "velocity")
+        )
+        self._moved = np.minimum(MOVED_RAD, OF_RANGE * (upper - lower))
+        self.begin(np.zeros(len(self._names)))
+
+    def begin(self, positions: np.ndarray) -> None:
+        """Begin where the robot is, positions (A,) [rad or m]."""
+        self._start = np.array(positions)
+        self._low, self._high = np.zeros(len(self._names)), np.zeros(len(self._names))
+        self._shown = np.zeros(len(self._names), bool)
+        self._last: tuple[float, np.ndarray] | None = None
+
+    def sent(self, targets: np.ndarray) -> None:
+        """Note targets (A,) that were sent [rad or m]."""
+        away = targets - self._start
+        self._low, self._high = np.minimum(self._low, away), np.maximum(self._high, away)
+
+    def fault(self, time_s: float, positions: np.ndarray) -> str:
+        """Why positions (A,) [rad or m] at a time [s] cannot be right; empty if they can be."""
+        before, self._last = self._last, (time_s, positions)
+        if before is not None:
+            far = self._speed * FASTER * max(0.0, time_s - before[0]) + self._moved
+            jumped = np.flatnonzero(np.abs(positions - before[1]) > far)
+            if len(jumped):
+                told = [f"{self._names[row]} from {before[1][row]:.3f} to {positions[row]:.3f}" for row in jumped]
+                return f"positions jumped in {time_s - before[0]:.3f} s: {', '.join(told)}"
+        return self._astray(positions - self._start)
+
+    def _astray(self, away: np.ndarray) -> str:
+        """Joints that moved opposite to all their targets since the beginning, or far beyond them, (A,) [rad or m]."""
+        up, down = away > self._moved, away < -self._moved
+        sent_up, sent_down = self._high > self._moved, self._low < -self._moved
+        self._shown |= (up & sent_up) | (down & sent_down)
+        opposite = ~self._shown & ((up & sent_down & ~sent_up) | (down & sent_up & ~sent_down))
+        wrong = opposite | (np.maximum(away - self._high, self._low - away) > BEYOND * self._moved)
+        names = [self._names[row] for row in np.flatnonzero(wrong)]
+        told = "positions and commands have different signs, or belong to different joints"
+        return f"{listing(names)} moved away from the targets: {told}" if names else ""
