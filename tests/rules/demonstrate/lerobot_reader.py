@@ -22,12 +22,14 @@ NUMBERS = (*SEEN, "action", "timestamp", "index", "episode_index")
 
 
 def main(folder: str, out: str) -> None:
-    """Write every item of the data set, and a window of one in a selection of episodes."""
+    """Write every item of the data set, and a window of the first camera's in a selection of episodes."""
     whole = LeRobotDataset("dextera/test", root=folder, video_backend="pyav")
-    (camera,) = whole.meta.video_keys
+    camera = sorted(whole.meta.video_keys)[0]
     items = [whole[number] for number in range(len(whole))]
     found = {key: np.stack([item[key].numpy() for item in items]) for key in NUMBERS}
-    found["pixels"] = np.stack([item[camera].numpy() for item in items])
+    seen = [name for name, feature in whole.meta.features.items() if feature["dtype"] in ("image", "video")]
+    found |= {f"seen/{name}": np.stack([item[name].numpy() for item in items]) for name in seen}
+    found["pixels"] = found[f"seen/{camera}"]
     found["task"] = np.array([item["task"] for item in items])
     found |= {name: value for name, value in whole.meta.stats["action"].items() if name != "count"}
     period = 1.0 / whole.fps
