@@ -35,7 +35,8 @@ def main(folder: str, out: str) -> None:
     period = 1.0 / whole.fps
     wanted = {"action": [0.0, period, 2 * period], camera: [-period, 0.0]}
     # LeRobot up to 0.3 has no windows in a selection: it takes an episode's number for its place in the selection.
-    selected = [1, 3] if str(whole.meta.info["codebase_version"]).startswith("v3") else None
+    windows = str(whole.meta.info["codebase_version"]).startswith("v3") and whole.meta.total_episodes > 3
+    selected = [1, 3] if windows else None
     some = LeRobotDataset("dextera/test", root=folder, video_backend="pyav", episodes=selected, delta_timestamps=wanted)
     last = some[len(some) - 1]
     found |= {"window": last["action"].numpy(), "padding": last["action_is_pad"].numpy()}
