@@ -18,6 +18,7 @@ import numpy as np
 
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import UsageError
+from dextera_build.sim.experts import workplace
 from dextera_build.sim.retarget.options import Retargeting
 from dextera_build.teleop import certificate
 from dextera_build.teleop.server import Server
@@ -143,7 +144,7 @@ def run(wanted: Wanted, opened: Callable[[Opened], None]) -> Closed:
 def _run(wanted: Wanted, opened: Callable[[Opened], None], webcam: Webcam | None) -> Closed:
     encryption = certificate.context(*wanted.certificate) if wanted.certificate else None
     server = Server(wanted.host, wanted.origins, encryption)
-    takes = Takes(wanted.out, synthetic=wanted.synthetic)
+    takes = Takes(wanted.out, synthetic=wanted.synthetic, workplace=workplace.of(wanted.bundle))
     # Messages are turned into the base frame as they arrive, and recorded there.
     still = Retargeting(heading_rad=0.0)
     plan = Plan(wanted.takes, wanted.seed, wanted.starts, wanted.limit_s, wanted.speed, still)

@@ -70,7 +70,7 @@ def _title(bundle: TaskBundle, episodes: Episodes, form: Form, options: FormOpti
     steps = sum(len(episode.joints) for episode in episodes.items.values())
     count, words = len(episodes.items), facts.instruction(bundle, options)
     return [
-        f"# {bundle.task.name}, {facts.robot_type(bundle)}",
+        f"# {bundle.task.name}, {bundle.robot.model_name}",
         "",
         f"{_plural(count, 'episode')}, {steps:,} steps at {episodes.rate_hz:g} Hz "
         f'({steps / episodes.rate_hz / 60:.1f} min), of the task "{words}", as {form.title}.',

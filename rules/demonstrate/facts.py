@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
@@ -24,13 +23,6 @@ if TYPE_CHECKING:
 def instruction(bundle: TaskBundle, options: FormOptions) -> str:
     """The task in words."""
     return options.instruction or of_task(bundle.task)
-
-
-def robot_type(bundle: TaskBundle) -> str:
-    """The robot's name in its MJCF."""
-    head = bundle.robot.model.files.get("robot.xml", b"")[:4096].decode(errors="replace")
-    named = re.search(r'<mujoco[^>]*\smodel="([^"]+)"', head)
-    return named[1] if named else "unknown"
 
 
 def rate(episodes: Episodes) -> float | int:

@@ -58,7 +58,7 @@ def info(
     steps = sum(len(episode.joints) for episode in episodes.items.values())
     return {
         "codebase_version": options.version,
-        "robot_type": facts.robot_type(bundle),
+        "robot_type": bundle.robot.model_name,
         "total_episodes": len(episodes.items),
         "total_frames": steps,
         "total_tasks": 1,

@@ -165,7 +165,7 @@ def _about(demo: Any, label: str, episode: Episode, words: str) -> None:
 def _whole(data: Any, bundle: TaskBundle, episodes: Episodes, actions: Actions, scale: Scale) -> None:
     """Attributes of the data set."""
     about = facts.about(bundle, episodes)
-    name = f"dxb/{bundle.task.name}-{facts.robot_type(bundle)}-v0"
+    name = f"dxb/{bundle.task.name}-{bundle.robot.model_name}-v0"
     data.attrs["env_args"] = json.dumps({"env_name": name, "type": GYM, "env_kwargs": {"action": bundle.task.action}})
     data.attrs["total"] = sum(len(episode.joints) for episode in episodes.items.values())
     data.attrs["action_names"] = list(actions.spec.names)

@@ -32,6 +32,19 @@ class Take(Value):
     `geometry.hands.finger_lengths` [m]; None: not measured, so that medians over the take serve."""
 
 
+class Workplace(Value):
+    """What an operator saw and moved when the hands were recorded."""
+
+    task: str = Field(min_length=1)
+    """Name of the task."""
+    robot: str
+    """Name of the robot."""
+    joints: tuple[str, ...]
+    """Actuated joints of the robot, in order."""
+    model: str = ""
+    """Digest of the task's model, see `sim.experts.workplace`; empty: not known."""
+
+
 class HandStream(Artifact):
     """Both hands of an operator, message by message, in one frame with z up."""
 
@@ -60,6 +73,8 @@ class HandStream(Artifact):
     """Further inputs, in the order of the columns of `buttons`."""
     buttons: Annotated[np.ndarray, Array("N B", "float32")] | None = None
     """Values of further inputs, 0 to 1; None if there are none."""
+    workplace: Workplace | None = None
+    """The task and the robot that the hands were recorded with; None: not known, as of other recorders."""
     takes: tuple[Take, ...] = ()
     """Demonstrations in the recording, in order; none: all messages are one."""
 

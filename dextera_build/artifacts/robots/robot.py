@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -52,6 +53,13 @@ class RobotModel(Artifact):
     """Limb -> how an operator's hand maps to its hand, as far as the recipe states it."""
     followers: tuple[Follower, ...] = ()
     """Joints that move with an actuated one; they are not part of an action."""
+
+    @property
+    def model_name(self) -> str:
+        """Name of its MJCF; `unknown` without one."""
+        head = self.model.files.get("robot.xml", b"")[:4096].decode(errors="replace")
+        named = re.search(r'<mujoco[^>]*\smodel="([^"]+)"', head)
+        return named[1] if named else "unknown"
 
     @property
     def home(self) -> dict[str, float]:
