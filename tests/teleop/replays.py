@@ -40,6 +40,20 @@ def assert_same(runner: RuleRunner, bundle: TaskBundle, recording: HandStream, s
         assert differences(replayed, was) == []
 
 
+def followed(runner: RuleRunner, bundle: TaskBundle, recording: HandStream, **options: Any) -> Episode:
+    """What the only take of a recording becomes, successful or not."""
+    made = runner.run(
+        "demonstrate.operate",
+        backend="hands",
+        bundle=bundle,
+        recording=recording,
+        options={"attempts": 1} | options,
+    )
+    (episode,) = (*made.items.values(), *made.failures.values())
+    assert isinstance(episode, Episode)
+    return episode
+
+
 def differences(one: Episode, other: Episode) -> list[str]:
     """Arrays of two episodes that are not the same, bit for bit."""
     both = [

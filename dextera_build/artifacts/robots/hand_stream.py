@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
 from dextera_build.artifacts.base import Array, Artifact, Value
+from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.artifacts.spatial import stamped
 from dextera_build.errors import ArtifactError
 from dextera_build.geometry.hands import JOINTS, SIDES, WRIST
@@ -43,6 +44,8 @@ class Workplace(Value):
     """Actuated joints of the robot, in order."""
     model: str = ""
     """Digest of the task's model, see `sim.experts.workplace`; empty: not known."""
+    limits: Limits = Limits()
+    """Limits that the guard enforced on the robot."""
 
 
 class HandStream(Artifact):

@@ -12,6 +12,7 @@ from collections.abc import Collection
 from typing import Literal
 
 from dextera_build import digest
+from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.artifacts.robots.hand_stream import HandStream, Workplace
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError, listing
@@ -20,11 +21,13 @@ Other = Literal["task", "robot"]
 """What may be another one than that of the recording."""
 
 
-def of(bundle: TaskBundle) -> Workplace:
-    """The workplace of an operator who does a task."""
+def of(bundle: TaskBundle, limits: Limits | None = None) -> Workplace:
+    """The workplace of an operator who does a task with a robot whose guard enforces `limits`."""
     joints = tuple(joint.name for joint in bundle.robot.joints)
     model = digest.of_bytes(bundle.model.files.get("scene.xml", b""))
-    return Workplace(task=bundle.task.name, robot=bundle.robot.model_name, joints=joints, model=model)
+    return Workplace(
+        task=bundle.task.name, robot=bundle.robot.model_name, joints=joints, model=model, limits=limits or Limits()
+    )
 
 
 def check(recording: HandStream, bundle: TaskBundle, accepted: Collection[Other] = ()) -> str:
