@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from dextera_build.artifacts.base import Artifact, Folder, Value
 from dextera_build.artifacts.robots.hand_map import HandMap as HandMap
+from dextera_build.artifacts.robots.limb import ACCELERATION as ACCELERATION
 from dextera_build.artifacts.robots.limb import Grip as Grip
 from dextera_build.artifacts.robots.limb import Gripper as Gripper
 from dextera_build.artifacts.robots.limb import Group as Group
