@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.robots.hand_stream import LOST, TRACKED, HandStream, Take
+from dextera_build.artifacts.robots.hand_stream import LOST, TRACKED, HandStream, Take, Workplace
 from dextera_build.geometry import human_hand, lie, quaternions
 
 RATE_HZ = 72.0
@@ -63,4 +63,5 @@ def with_buttons(count: int = 20) -> HandStream:
         button_names=("success", "discard"),
         buttons=buttons,
         takes=(Take(first=0, last=8, seed=7), Take(first=9, last=count)),
+        workplace=Workplace(task="LiftCan", robot="kuka_leap", joints=("a", "b"), model="0f"),
     )

@@ -4,8 +4,8 @@ Each hand is a topic of `geometry_msgs/PoseArray` with 25 poses in WebXR's order
 palm; an array without poses, or whose numbers are all NaN or all 0, is a lost hand. The head is
 `geometry_msgs/PoseStamped`. A message `sensor_msgs/Joy` holds pinch of left and right and further inputs as `axes`, and
 clutch and tracking state of left and right as `buttons`; without it, a tracked hand moves the robot, and the pinch
-follows from the distance of the tips. Device, origin, names of inputs and takes are a JSON object in a
-`std_msgs/String`, which stays with the hands in every copy of a recording, and which other recorders may leave out.
+follows from the distance of the tips. Device, origin, task and robot, names of inputs and takes are a JSON object in
+a `std_msgs/String`, which stays with the hands in every copy of a recording, and which other recorders may leave out.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 
 from dextera_build.artifacts.core.file_errors import unreadable
-from dextera_build.artifacts.robots.hand_stream import LOST, TRACKED, HandStream, Take
+from dextera_build.artifacts.robots.hand_stream import LOST, TRACKED, HandStream, Take, Workplace
 from dextera_build.artifacts.robots.stream import Stream
 from dextera_build.errors import ArtifactError, listing
 from dextera_build.formats import mcap
@@ -139,6 +139,7 @@ def _facts(made: HandStream) -> dict[str, Any]:
     return {
         "device": made.device,
         "synthetic": made.synthetic,
+        "workplace": None if made.workplace is None else made.workplace.model_dump(mode="json"),
         "buttons": made.button_names,
         "takes": [take.model_dump() for take in made.takes],
         "joints": hands.JOINTS,
@@ -157,6 +158,7 @@ def _about(stream: Stream) -> dict[str, Any]:
         return {
             "device": str(found["device"]),
             "synthetic": bool(found["synthetic"]),
+            "workplace": Workplace(**found["workplace"]) if found.get("workplace") else None,
             "button_names": tuple(map(str, found["buttons"])),
             "takes": tuple(Take(**take) for take in found["takes"]),
         }

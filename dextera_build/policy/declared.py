@@ -170,6 +170,7 @@ DECLARED: tuple[Declared, ...] = (
         "m",
         "",
         "image-plane distance (H, W), 0 where nothing was measured",
+        feature="observation.images.{}_depth",
         topic="/{}/aligned_depth_to_color/image_raw",
         message="sensor_msgs/Image",
     ),

@@ -161,6 +161,8 @@ def _facts(stream: HandStream) -> Iterator[str]:
         else:
             yield f"no {side} hand"
     yield "with head" if stream.head is not None else "no head"
+    if stream.workplace is not None:
+        yield f"of {stream.workplace.task} with {stream.workplace.robot}"
     if stream.takes:
         yield f"{len(stream.takes)} take{'' if len(stream.takes) == 1 else 's'}"
     yield f"made by a program, no person and no headset ({stream.device})" if stream.synthetic else stream.device

@@ -10,14 +10,16 @@ import sys
 import tempfile
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import UsageError
+from dextera_build.sim.experts import workplace
 from dextera_build.sim.retarget.options import Retargeting
 from dextera_build.teleop import certificate
 from dextera_build.teleop.server import Server
@@ -53,6 +55,8 @@ class Wanted:
     """Further origins whose pages may connect."""
     synthetic: bool
     """Whether a program moves the hands."""
+    limits: Limits = field(default_factory=Limits)
+    """Limits that the guard enforces on the robot."""
     webcam: Callable[[], Webcam] | None = None
     """Opens what sees the hands; None: the operator's page."""
 
@@ -143,10 +147,10 @@ def run(wanted: Wanted, opened: Callable[[Opened], None]) -> Closed:
 def _run(wanted: Wanted, opened: Callable[[Opened], None], webcam: Webcam | None) -> Closed:
     encryption = certificate.context(*wanted.certificate) if wanted.certificate else None
     server = Server(wanted.host, wanted.origins, encryption)
-    takes = Takes(wanted.out, synthetic=wanted.synthetic)
+    takes = Takes(wanted.out, synthetic=wanted.synthetic, workplace=workplace.of(wanted.bundle, wanted.limits))
     # Messages are turned into the base frame as they arrive, and recorded there.
     still = Retargeting(heading_rad=0.0)
-    plan = Plan(wanted.takes, wanted.seed, wanted.starts, wanted.limit_s, wanted.speed, still)
+    plan = Plan(wanted.takes, wanted.seed, wanted.starts, wanted.limit_s, wanted.speed, still, wanted.limits)
     session = Session(wanted.bundle, plan, takes, server.publish)
 
     def ready(port: int) -> None:
@@ -203,7 +207,19 @@ def _check(wanted: Wanted) -> None:
             code="DXB-U336",
             facts={"takes": wanted.takes, "limit": f"{wanted.limit_s:g} s", "speed": f"{wanted.speed:g}"},
         )
+    _check_limits(wanted.limits)
     _check_folder(wanted.out.parent)
+
+
+def _check_limits(limits: Limits) -> None:
+    force = np.inf if limits.force_n is None else limits.force_n
+    if not (0 < limits.speed <= 1 and force > 0):
+        raise UsageError(
+            "the guard needs a part of the joints' speed limits from 0 to 1, and a force above 0",
+            code="DXB-U350",
+            facts={"speed": f"{limits.speed:g}", "force": f"{force:g} N"},
+            hint="`--joint-speed 0.5 --tip-force 20`",
+        )
 
 
 def _check_folder(folder: Path) -> None:

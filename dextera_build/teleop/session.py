@@ -6,11 +6,12 @@ import shutil
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
 
+from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.artifacts.robots.hand_stream import LOST
 from dextera_build.artifacts.tasks.episode import Episode
 from dextera_build.artifacts.tasks.task import TaskBundle
@@ -58,6 +59,8 @@ class Plan:
     """Simulated time per real time."""
     retargeting: Retargeting
     """Constants, with a heading of 0: messages are in the base frame."""
+    limits: Limits = field(default_factory=Limits)
+    """Limits that the guard enforces on the robot."""
 
 
 class Session(threading.Thread):
@@ -79,7 +82,7 @@ class Session(threading.Thread):
         task = bundle.task
         patient = task.model_copy(update={"timeout_s": max(task.timeout_s, plan.limit_s)})
         environment = running(bundle.model_copy(update={"task": patient}))
-        self.driver = Driver(environment, apart_m=plan.retargeting.apart_m)
+        self.driver = Driver(environment, apart_m=plan.retargeting.apart_m, limits=plan.limits)
         self.environment = self.driver.environment
         self.own = hands_of(bundle.robot)
         for limbs in _moved_together(self.own, needed(self.environment)):

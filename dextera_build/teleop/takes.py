@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dextera_build.artifacts.robots.hand_stream import LOST, HandStream, Take
+from dextera_build.artifacts.robots.hand_stream import LOST, HandStream, Take, Workplace
 from dextera_build.errors import StoreError
 from dextera_build.formats import hand_stream
 from dextera_build.sim.experts.live_operator import TICKS_HZ, Message
@@ -38,10 +38,11 @@ class Takes:
     Args:
         path: The recording, an `.mcap` file.
         synthetic: Whether a program moves the hands.
+        workplace: The task and its robot; None: not stated.
     """
 
-    def __init__(self, path: Path, *, synthetic: bool) -> None:
-        self.path, self._synthetic = path, synthetic
+    def __init__(self, path: Path, *, synthetic: bool, workplace: Workplace | None = None) -> None:
+        self.path, self._synthetic, self._workplace = path, synthetic, workplace
         self.device = "not known"
         """What the operator holds or wears."""
         self.kept: list[Kept] = []
@@ -96,6 +97,7 @@ class Takes:
             frame=BASE,
             device=self.device,
             synthetic=self._synthetic,
+            workplace=self._workplace,
             stamps=np.array(ticks, np.float64) / TICKS_HZ,
             positions=np.array([row.positions for row in rows]),
             rotations=np.array([row.rotations for row in rows]),

@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 
 from dextera_build.artifacts.core import trees
-from dextera_build.artifacts.tasks.episode import Episodes, Film
+from dextera_build.artifacts.tasks.episode import Episodes
 from dextera_build.artifacts.tasks.task import TaskBundle, View, WorldKind
 from dextera_build.errors import listing
 from dextera_build.policy import actions, layout
@@ -22,6 +22,7 @@ from dextera_build.sim.model.published import stated
 from . import facts
 
 if TYPE_CHECKING:
+    from .cameras import Camera
     from .form import Form, FormOptions
 
 FILE = "README.md"
@@ -39,8 +40,7 @@ MOST_REASONS = 12
 def write(
     bundle: TaskBundle,
     episodes: Episodes,
-    film: Film | None,
-    view: View | None,
+    seen: Sequence[Camera],
     form: Form,
     options: FormOptions,
     out: Path,
@@ -50,8 +50,8 @@ def write(
         _head(form, options),
         _title(bundle, episodes, form, options),
         _episodes(episodes),
-        _numbers(bundle, episodes, film, form, options),
-        _camera(bundle, film, view, options),
+        _numbers(bundle, episodes, seen, form),
+        _cameras(bundle, seen),
         _origin(bundle, options),
         ["## Opening it", "", "```python", form.load.strip(), "```"],
     )
@@ -70,7 +70,7 @@ def _title(bundle: TaskBundle, episodes: Episodes, form: Form, options: FormOpti
     steps = sum(len(episode.joints) for episode in episodes.items.values())
     count, words = len(episodes.items), facts.instruction(bundle, options)
     return [
-        f"# {bundle.task.name}, {facts.robot_type(bundle)}",
+        f"# {bundle.task.name}, {bundle.robot.model_name}",
         "",
         f"{_plural(count, 'episode')}, {steps:,} steps at {episodes.rate_hz:g} Hz "
         f'({steps / episodes.rate_hz / 60:.1f} min), of the task "{words}", as {form.title}.',
@@ -105,20 +105,16 @@ def _episodes(episodes: Episodes) -> Iterator[str]:
     yield from ("", *_table(("discarded because", "attempts"), shown))
 
 
-def _numbers(
-    bundle: TaskBundle, episodes: Episodes, film: Film | None, form: Form, options: FormOptions
-) -> Iterator[str]:
+def _numbers(bundle: TaskBundle, episodes: Episodes, seen: Sequence[Camera], form: Form) -> Iterator[str]:
     """What a step holds, and in which order."""
     here = layout.of_episodes(episodes, bundle.task.goal.names)
-    rows = []
+    rows = list[tuple[str, ...]]()
     for term in here.terms():
         place = form.place(term.declared)
         if term.feature and place:
             rows.append((f"`{place}`", str(len(term.components)), *_about(bundle, term.declared)))
-    if film is not None:
-        place = form.place(BY_NAME["rgb"]).format(options.camera)
-        about = f"picture of camera `{options.camera}`, before the action of its step"
-        rows.append((f"`{place}`", f"{film.height} x {film.width} x 3", "sRGB 0..255", "", about))
+    for each in seen:
+        rows += _pictures(each, form)
     yield from ("## What a step holds", "")
     yield from _table(("where", "numbers", "unit", "frame", "what"), rows)
     spec = actions.of_task(bundle.task, bundle.robot)
@@ -140,6 +136,19 @@ def _numbers(
             yield f"* {what}: {', '.join(f'`{name}`' for name in names)}"
 
 
+def _pictures(camera: Camera, form: Form) -> Iterator[tuple[str, ...]]:
+    """Rows of a camera's picture and depth."""
+    if camera.film is None:
+        return
+    size, when = f"{camera.film.height} x {camera.film.width}", "before the action of its step"
+    place = form.place(BY_NAME["rgb"]).format(camera.name)
+    yield f"`{place}`", f"{size} x 3", "sRGB 0..255", "", f"picture of camera `{camera.name}`, {when}"
+    if camera.has_depth:
+        place = form.place(BY_NAME["depth"]).format(camera.name)
+        about = f"distance along the axis of camera `{camera.name}`, 0 where nothing was measured"
+        yield f"`{place}`", size, form.depth_unit, "", about
+
+
 def _about(bundle: TaskBundle, declared: Declared) -> tuple[str, str, str]:
     """Unit, frame and meaning of a term; those of actions depend on their kind."""
     if declared.name == "action":
@@ -148,16 +157,22 @@ def _about(bundle: TaskBundle, declared: Declared) -> tuple[str, str, str]:
     return declared.unit, declared.frame, declared.about
 
 
-def _camera(bundle: TaskBundle, film: Film | None, view: View | None, options: FormOptions) -> Iterator[str]:
-    yield from ("## Camera", "")
-    if film is None:
+def _cameras(bundle: TaskBundle, seen: Sequence[Camera]) -> Iterator[str]:
+    filmed = [(each, each.film) for each in seen if each.film is not None]
+    yield from ("## Camera" if len(filmed) < 2 else "## Cameras", "")
+    if not filmed:
         yield "There are no pictures."
-        return
-    if view is None:
-        yield f"`{options.camera}`, {film.width} x {film.height} px; its place was not given."
-        return
+    for number, (each, film) in enumerate(filmed):
+        yield from ([""] if number else [])
+        if each.view is None:
+            yield f"`{each.name}`, {film.width} x {film.height} px; its place was not given."
+        else:
+            yield from _camera(bundle, each.name, each.view)
+
+
+def _camera(bundle: TaskBundle, name: str, view: View) -> Iterator[str]:
     k, pose = view.camera, (bundle.base_pose.inverse() @ view.camera_pose).matrix
-    yield f"`{options.camera}`, {k.width} x {k.height} px, OpenCV axes and integer pixel centres:"
+    yield f"`{name}`, {k.width} x {k.height} px, OpenCV axes and integer pixel centres:"
     yield f"fx {k.fx:.2f}, fy {k.fy:.2f}, cx {k.cx:.2f}, cy {k.cy:.2f} px."
     place = ", ".join(f"{value:.3f}" for value in pose[:3, 3])
     axis = ", ".join(f"{value:.3f}" for value in pose[:3, 2])

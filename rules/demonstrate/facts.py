@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import re
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,19 +16,13 @@ from dextera_build.policy.instruction import of_task
 from .lerobot_actions import Actions
 
 if TYPE_CHECKING:
+    from .cameras import Camera
     from .form import FormOptions
 
 
 def instruction(bundle: TaskBundle, options: FormOptions) -> str:
     """The task in words."""
     return options.instruction or of_task(bundle.task)
-
-
-def robot_type(bundle: TaskBundle) -> str:
-    """The robot's name in its MJCF."""
-    head = bundle.robot.model.files.get("robot.xml", b"")[:4096].decode(errors="replace")
-    named = re.search(r'<mujoco[^>]*\smodel="([^"]+)"', head)
-    return named[1] if named else "unknown"
 
 
 def rate(episodes: Episodes) -> float | int:
@@ -69,13 +63,15 @@ def about(bundle: TaskBundle, episodes: Episodes) -> dict[str, object]:
     }
 
 
-def cameras(bundle: TaskBundle, view: View, name: str) -> dict[str, object]:
+def cameras(bundle: TaskBundle, seen: Iterable[Camera]) -> dict[str, object]:
     """`meta/cameras.json`: intrinsics [px] and poses of the cameras, OpenCV axes, integer pixel centres."""
+    return {each.name: _camera(bundle, each.view) for each in seen if each.view is not None}
+
+
+def _camera(bundle: TaskBundle, view: View) -> dict[str, object]:
     base = (bundle.base_pose.inverse() @ view.camera_pose).matrix
-    return {
-        name: view.camera.model_dump(mode="json")
-        | {"base_from_camera": base.tolist(), "world_from_camera": view.camera_pose.matrix.tolist()}
-    }
+    poses = {"base_from_camera": base.tolist(), "world_from_camera": view.camera_pose.matrix.tolist()}
+    return view.camera.model_dump(mode="json") | poses
 
 
 def document(value: object) -> bytes:

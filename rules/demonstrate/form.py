@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from dextera_build.artifacts.tasks.episode import Episodes, Film
-from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.artifacts.tasks.episode import Episodes
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.policy import layout
 from dextera_build.policy.terms import Declared
 from dextera_build.rule import Context, Options
 
-from .film_of import check_film
+from . import cameras
 from .lerobot_actions import Actions
 from .lerobot_features import Feature, features
 
@@ -25,7 +25,7 @@ class FormOptions(Options):
     instruction: str = ""
     """The task in words, for language-conditioned policies; empty: the task's name, `CloseLaptop` as `close laptop`."""
     camera: str = "workspace"
-    """Name of the camera, which names its pictures."""
+    """Name of the camera of `film`, which names its pictures; those of `films` have names."""
     licence: str = ""
     """Licence under which you publish the data set, as the Hub spells it (`cc-by-4.0`), for its card; empty: none."""
 
@@ -40,27 +40,23 @@ class Form:
     """Where this form holds a term, `{}` for a row or the camera; empty: nowhere."""
     load: str
     """Python that opens the folder with the loader that the form is meant for."""
+    depth_unit: str = "mm"
+    """Unit of its depth."""
     notes: tuple[str, ...] = ()
     """Sentences about what only this form has."""
     header: Mapping[str, object] = field(default_factory=dict)
     """More entries at the head of the card."""
 
 
-def check(ctx: Context, episodes: Episodes, film: Film | None, view: View | None) -> None:
-    """Refuse a data set without episodes, and a film that does not fit them or its view.
+def checked(ctx: Context, episodes: Episodes, given: cameras.Given, options: FormOptions) -> tuple[cameras.Camera, ...]:
+    """The cameras of a data set, after a check that it has episodes, and that films fit them and their views.
 
     Raises:
-        RuleError: It is refused.
+        RuleError: Something does not fit.
     """
     if not episodes.items:
         ctx.fail("no episode counts", failures=len(episodes.failures), hint="look at their reasons in the episodes")
-    check_film(ctx, episodes, film)
-    if film is not None and view is not None and (film.width, film.height) != (view.camera.width, view.camera.height):
-        ctx.fail(
-            "the film was not shot through this view",
-            film=f"{film.width} x {film.height} px",
-            view=f"{view.camera.width} x {view.camera.height} px",
-        )
+    return cameras.checked(ctx, episodes, given, options)
 
 
 def observed(bundle: TaskBundle, episodes: Episodes, actions: Actions) -> dict[str, Feature]:

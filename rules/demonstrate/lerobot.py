@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
 from pydantic import Field, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.rule import Context, Tolerance, rule
 
 from . import form
+from .cameras import Camera, Given
 from .writing import written
 
 LOAD = """
@@ -51,8 +53,7 @@ class LerobotBackend(Protocol):
         ctx: Context,
         bundle: TaskBundle,
         episodes: Episodes,
-        film: Film | None,
-        view: View | None,
+        seen: Sequence[Camera],
         out: Path,
         common: LerobotOptions,
         options: Any,
@@ -69,22 +70,27 @@ def lerobot(
     episodes: Episodes,
     film: Film | None = None,
     view: View | None = None,
+    films: Collection[Film] | None = None,
+    views: Collection[View] | None = None,
     *,
     options: LerobotOptions,
 ) -> Folder:
-    """Return a folder for LeRobot's loader: data, videos if a film is given, statistics, episodes, tasks.
+    """Return a folder for LeRobot's loader: data, a video for each film, statistics, episodes, tasks.
+
+    `film` and `view` are of one camera, `films` and `views` of several by name. Depth is a feature of its own.
 
     In addition to LeRobot's columns, every episode keeps its start (`start/...` in `meta/episodes`), its origin and its
     segments, so that it can be rerun; `meta/dextera.json` describes the whole set.
     """
-    form.check(ctx, episodes, film, view)
-    if film is not None and (film.width % 2 or film.height % 2):
-        ctx.fail(
-            "videos need an even width and height",
-            film=f"{film.width} x {film.height} px",
-            hint="choose an even `width_px` and `height_px` in simulate.view",
-        )
-    folder, megabytes = written(ctx, bundle, episodes, film, view, described(film, options), options)
+    seen = form.checked(ctx, episodes, Given(film, view, films, views), options)
+    for one in (each.film for each in seen if each.film is not None):
+        if one.width % 2 or one.height % 2:
+            ctx.fail(
+                "videos need an even width and height",
+                film=f"{one.width} x {one.height} px",
+                hint="choose an even `width_px` and `height_px` in simulate.view",
+            )
+    folder, megabytes = written(ctx, bundle, episodes, seen, described(seen, options), options)
     info = json.loads(folder.files["meta/info.json"])
     steps = sum(len(episode.joints) for episode in episodes.items.values())
     ctx.check(info["total_episodes"] == len(episodes.items), "episodes were lost")
@@ -94,16 +100,20 @@ def lerobot(
     return folder
 
 
-def described(film: Film | None, options: LerobotOptions) -> form.Form:
+def described(seen: Sequence[Camera], options: LerobotOptions) -> form.Form:
     """The form, for its card."""
     new = options.version == "v3.0"
     kept = "`meta/episodes`" if new else "`meta/episodes.jsonl`"
-    videos = ("Pictures are H.264 videos, which lose detail.",) if film is not None else ()
+    notes = [f"{kept} holds the start of every episode, and `meta/dextera.json` the task."]
+    if any(each.film is not None for each in seen):
+        notes.append("Pictures are H.264 videos, which lose detail.")
+    if any(each.has_depth for each in seen):
+        notes.append("Depth is lossless: 16-bit PNG in the data files, in millimetres, marked `is_depth_map`.")
     return form.Form(
         f"a LeRobotDataset {options.version}, for LeRobot {'from 0.4 on' if new else 'up to 0.3, openpi and GR00T'}",
         lambda term: term.feature,
         LOAD,
-        notes=(f"{kept} holds the start of every episode, and `meta/dextera.json` the task.", *videos),
+        notes=tuple(notes),
         header={
             "tags": ["LeRobot"],
             "configs": [{"config_name": "default", "data_files": "data/*/*.parquet"}],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from dextera_build.artifacts.tasks.episode import Episodes
@@ -13,6 +14,7 @@ from . import facts
 from .lerobot_features import Feature
 
 if TYPE_CHECKING:
+    from .cameras import Camera
     from .lerobot import LerobotOptions
 
 DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
@@ -21,17 +23,27 @@ EPISODES = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 TASKS = "meta/tasks.parquet"
 
 
-def picture_key(options: LerobotOptions) -> str:
-    """Name of the camera's feature."""
-    return BY_NAME["rgb"].feature.format(options.camera)
+def videos(episodes: Episodes, seen: Iterable[Camera]) -> dict[str, dict[str, object]]:
+    """The entry of each video in `meta/info.json`, by feature."""
+    return {
+        picture_key(each): video_feature(episodes, each.film.width, each.film.height)
+        for each in seen
+        if each.film is not None
+    }
+
+
+def picture_key(camera: Camera) -> str:
+    """Name of the feature of a camera's pictures."""
+    return BY_NAME["rgb"].feature.format(camera.name)
 
 
 def info(
     bundle: TaskBundle,
     episodes: Episodes,
     features: dict[str, Feature],
-    video: dict[str, object],
+    video: Mapping[str, object],
     options: LerobotOptions,
+    depth: Mapping[str, object] | None = None,
 ) -> dict[str, object]:
     """The content of `meta/info.json`.
 
@@ -41,11 +53,12 @@ def info(
         features: Columns of the data files.
         video: Entry of each video feature, from `video_feature`.
         options: File sizes.
+        depth: Entry of each feature of depth.
     """
     steps = sum(len(episode.joints) for episode in episodes.items.values())
     return {
         "codebase_version": options.version,
-        "robot_type": facts.robot_type(bundle),
+        "robot_type": bundle.robot.model_name,
         "total_episodes": len(episodes.items),
         "total_frames": steps,
         "total_tasks": 1,
@@ -56,7 +69,7 @@ def info(
         "splits": {"train": f"0:{len(episodes.items)}"},
         "data_path": DATA,
         "video_path": VIDEO if video else None,
-        "features": {name: feature.facts() for name, feature in features.items()} | video,
+        "features": {name: feature.facts() for name, feature in features.items()} | {**video, **(depth or {})},
     }
 
 

@@ -41,12 +41,12 @@ def counted(frames: Iterable[np.ndarray], counts: np.ndarray) -> Iterator[np.nda
         yield frame
 
 
-def of_pictures(counts: np.ndarray, frames: int) -> Stats:
-    """Statistics (3, 1, 1) of all pixels, scaled to 0..1, from their `histogram`.
+def of_pictures(counts: np.ndarray, frames: int, full: float = 255.0) -> Stats:
+    """Statistics (C, 1, 1) of all pixels from counts (C, L) of their values 0..L-1, in units of `full`.
 
-    Sums of histograms are exact, so the statistics of a data set do not depend on its division into episodes.
+    Sums of counts are exact, so the statistics of a data set do not depend on its division into episodes.
     """
-    levels = np.arange(256) / 255.0
+    levels = np.arange(counts.shape[1]) / full
     total = counts.sum(axis=1)
     mean = counts @ levels / total
     seen = [np.flatnonzero(row) for row in counts]
@@ -57,8 +57,8 @@ def of_pictures(counts: np.ndarray, frames: int) -> Stats:
         "std": np.sqrt((counts * (levels - mean[:, None]) ** 2).sum(axis=1) / total),
     }
     for name, part in QUANTILES.items():
-        found[name] = np.array([_quantile(row, part) for row in counts]) / 255.0
-    return {name: value.reshape(3, 1, 1) for name, value in found.items()} | {"count": np.array([frames], np.int64)}
+        found[name] = np.array([_quantile(row, part) for row in counts]) / full
+    return {name: value.reshape(-1, 1, 1) for name, value in found.items()} | {"count": np.array([frames], np.int64)}
 
 
 def _quantile(counts: np.ndarray, part: float) -> float:

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build.artifacts.core import trees
-from dextera_build.artifacts.tasks.episode import Episodes, Film
-from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.artifacts.tasks.episode import Episodes
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.policy import layout
 from dextera_build.rule import Backend, Context, Options
 
 from . import facts, lerobot_features, lerobot_meta, lerobot_stats
 from .lerobot_actions import Actions
+from .lerobot_depth import Depths
 
 if TYPE_CHECKING:
+    from .cameras import Camera
     from .lerobot import LerobotOptions
 
 BACKEND = Backend(summary="facts and statistics only, no data files", profiles=("stub",))
@@ -24,8 +27,7 @@ def write(
     ctx: Context,
     bundle: TaskBundle,
     episodes: Episodes,
-    film: Film | None,
-    view: View | None,
+    seen: Sequence[Camera],
     out: Path,
     common: LerobotOptions,
     options: Options,
@@ -37,12 +39,10 @@ def write(
         lerobot_features.columns(episodes, episode, number, 0, actions.of(episode))
         for number, (_, episode) in enumerate(episodes.in_order())
     ]
-    video: dict[str, object] = {}
-    if film is not None:
-        video = {lerobot_meta.picture_key(common): lerobot_meta.video_feature(episodes, film.width, film.height)}
     stats = lerobot_stats.of_all([{name: columns[name] for name in features} for columns in parts])
+    video, depth = lerobot_meta.videos(episodes, seen), Depths(seen).described()
     files = {
-        "meta/info.json": facts.document(lerobot_meta.info(bundle, episodes, features, video, common)),
+        "meta/info.json": facts.document(lerobot_meta.info(bundle, episodes, features, video, common, depth)),
         "meta/stats.json": facts.document(lerobot_stats.plain(stats)),
         "meta/dextera.json": facts.document(facts.about(bundle, episodes)),
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,15 +14,31 @@ from .lerobot_features import Feature
 
 INDEX = "task"
 """Column of `meta/tasks.parquet` that pandas uses as the index."""
+PICTURE = pa.struct([("bytes", pa.binary()), ("path", pa.string())])
+"""An encoded picture, as `datasets` stores it."""
+Columns = Mapping[str, np.ndarray | list[bytes]]
+"""What the steps of an episode hold, by feature."""
 
 
-def steps(features: dict[str, Feature], episodes: list[dict[str, np.ndarray]]) -> bytes:
-    """A data file: one row per step, one row group per episode; arrays (T, N) by feature."""
-    schema = pa.schema([(name, _kind(feature)) for name, feature in features.items()])
+def steps(features: dict[str, Feature], episodes: list[Columns]) -> bytes:
+    """A data file: one row per step, one row group per episode.
+
+    Args:
+        features: Features of numbers.
+        episodes: Numbers (T, N) by feature, and encoded pictures of T steps by names that are not in `features`.
+    """
+    pictures = [name for name in episodes[0] if name not in features]
+    kinds = [(name, _kind(feature)) for name, feature in features.items()]
+    schema = pa.schema(kinds + [(name, PICTURE) for name in pictures])
+    if pictures:
+        # By this entry, `datasets` decodes them.
+        known = {"info": {"features": {name: {"_type": "Image"} for name in pictures}}}
+        schema = schema.with_metadata({"huggingface": json.dumps(known)})
     sink = pa.BufferOutputStream()
     with pq.ParquetWriter(sink, schema, compression="snappy") as writer:
         for columns in episodes:
             arrays = [_array(feature, columns[name]) for name, feature in features.items()]
+            arrays += [pa.array([{"bytes": each} for each in columns[name]], PICTURE) for name in pictures]
             writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
     return bytes(sink.getvalue())
 
@@ -59,6 +76,6 @@ def _kind(feature: Feature) -> Any:
     return scalar if feature.width == 1 else pa.list_(scalar, feature.width)
 
 
-def _array(feature: Feature, values: np.ndarray) -> Any:
+def _array(feature: Feature, values: np.ndarray | list[bytes]) -> Any:
     flat = pa.array(np.ascontiguousarray(values, feature.dtype).ravel())
     return flat if feature.width == 1 else pa.FixedSizeListArray.from_arrays(flat, feature.width)

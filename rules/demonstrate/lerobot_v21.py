@@ -7,7 +7,7 @@ up to 0.3 ignores in this version.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from itertools import groupby
 from pathlib import Path
@@ -17,7 +17,7 @@ import numpy as np
 
 from dextera_build.artifacts.core import trees
 from dextera_build.artifacts.tasks.episode import Episodes, Film
-from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.formats.h264 import Encoder
 from dextera_build.policy import layout
 from dextera_build.policy.declared import BY_NAME
@@ -25,8 +25,10 @@ from dextera_build.rule import Context
 
 from . import facts, lerobot_features, lerobot_meta, lerobot_stats, lerobot_tables
 from .lerobot_actions import Actions
+from .lerobot_depth import Depths
 
 if TYPE_CHECKING:
+    from .cameras import Camera
     from .lerobot import LerobotOptions
 
 VERSION = "v2.1"
@@ -40,32 +42,33 @@ def write(
     ctx: Context,
     bundle: TaskBundle,
     episodes: Episodes,
-    film: Film | None,
-    view: View | None,
+    seen: Sequence[Camera],
     out: Path,
     common: LerobotOptions,
 ) -> None:
     """Write all files below `out`."""
     actions, words = Actions(bundle), facts.instruction(bundle, common)
     features = lerobot_features.features(episodes, layout.of_bundle(bundle).goal, actions.spec.names)
+    depths = Depths(seen)
     rows, stats, whole, first = [], [], [], 0
     for number, (label, episode) in enumerate(episodes.in_order()):
         found = lerobot_features.columns(episodes, episode, number, first, actions.of(episode))
         columns = {name: found[name] for name in features}
         whole.append(columns)
-        trees.write({_place(DATA, number, common): lerobot_tables.steps(features, [columns])}, out)
-        stats.append({name: lerobot_stats.of_numbers(values) for name, values in columns.items()})
+        pictures, of_depth = depths.of(label)
+        trees.write({_place(DATA, number, common): lerobot_tables.steps(features, [{**columns, **pictures}])}, out)
+        stats.append({name: lerobot_stats.of_numbers(values) for name, values in columns.items()} | of_depth)
         steps = len(episode.joints)
         rows.append({"episode_index": number, "tasks": [words], "length": steps} | facts.start(label, episode))
         first += steps
-    video: dict[str, object] = {}
-    if film is not None:
-        key = lerobot_meta.picture_key(common)
-        video = {key: lerobot_meta.video_feature(episodes, film.width, film.height)}
-        for own, pictures in zip(stats, _videos(ctx, episodes, film, out, common), strict=True):
-            own[key] = pictures
+    for each in seen:
+        if each.film is not None:
+            key = lerobot_meta.picture_key(each)
+            for own, of_video in zip(stats, _videos(ctx, episodes, key, each.film, out, common), strict=True):
+                own[key] = of_video
+    video = lerobot_meta.videos(episodes, seen)
     files = {
-        "meta/info.json": facts.document(_info(bundle, episodes, features, video, common)),
+        "meta/info.json": facts.document(_info(bundle, episodes, features, video, common, depths)),
         "meta/tasks.jsonl": _lines([{"task_index": 0, "task": words}]),
         "meta/episodes.jsonl": _lines(rows),
         "meta/episodes_stats.jsonl": _lines(
@@ -73,16 +76,16 @@ def write(
             for number, own in enumerate(stats)
         ),
         "meta/stats.json": facts.document(lerobot_stats.plain(lerobot_stats.of_all(whole))),
-        "meta/modality.json": facts.document(modality(bundle, features, "".join(video), common.camera)),
+        "meta/modality.json": facts.document(modality(bundle, features, seen)),
         "meta/dextera.json": facts.document(facts.about(bundle, episodes)),
     }
-    if view is not None:
-        files["meta/cameras.json"] = facts.document(facts.cameras(bundle, view, common.camera))
+    if cameras := facts.cameras(bundle, seen):
+        files["meta/cameras.json"] = facts.document(cameras)
     trees.write(files, out)
 
 
 def modality(
-    bundle: TaskBundle, features: Mapping[str, lerobot_features.Feature], picture: str, camera: str
+    bundle: TaskBundle, features: Mapping[str, lerobot_features.Feature], seen: Sequence[Camera]
 ) -> dict[str, object]:
     """GR00T's `modality.json`: named parts of state and action, from `start` up to but without `end`.
 
@@ -92,8 +95,7 @@ def modality(
     Args:
         bundle: The task.
         features: Columns of the data files.
-        picture: Feature of the camera; empty: there is none.
-        camera: Its name.
+        seen: The cameras; GR00T reads no depth.
     """
     robot = bundle.robot
     owner = {
@@ -116,7 +118,7 @@ def modality(
             },
         },
         "action": _parts(names, action) if joints else {"action": {"original_key": action, "start": 0, "end": width}},
-        "video": {camera: {"original_key": picture}} if picture else {},
+        "video": {each.name: {"original_key": lerobot_meta.picture_key(each)} for each in seen if each.film},
         "annotation": {"human.task_description": {"original_key": "task_index"}},
     }
 
@@ -138,10 +140,11 @@ def _info(
     bundle: TaskBundle,
     episodes: Episodes,
     features: dict[str, lerobot_features.Feature],
-    video: dict[str, object],
+    video: Mapping[str, object],
     options: LerobotOptions,
+    depths: Depths,
 ) -> dict[str, object]:
-    found = lerobot_meta.info(bundle, episodes, features, video, options)
+    found = lerobot_meta.info(bundle, episodes, features, video, options, depths.described())
     count = len(episodes.items)
     for name in ("data_files_size_in_mb", "video_files_size_in_mb"):
         del found[name]
@@ -154,10 +157,10 @@ def _info(
 
 
 def _videos(
-    ctx: Context, episodes: Episodes, film: Film, out: Path, options: LerobotOptions
+    ctx: Context, episodes: Episodes, key: str, film: Film, out: Path, options: LerobotOptions
 ) -> Iterator[lerobot_stats.Stats]:
     """Write a file per episode, and yield statistics of its pixels."""
-    key, rate = lerobot_meta.picture_key(options), Fraction(episodes.rate_hz).limit_denominator(1001)
+    rate = Fraction(episodes.rate_hz).limit_denominator(1001)
     encoder = Encoder(film.width, film.height, rate, options.qp, options.keyframe_every)
     for number, (label, _) in enumerate(episodes.in_order()):
         counts = np.zeros((3, 256), np.int64)

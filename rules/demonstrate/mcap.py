@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
 from pydantic import Field, PositiveInt
 
-from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.rule import Context, Tolerance, rule
 
 from . import form
+from .cameras import Camera, Given
 from .mcap_place import place
 from .writing import written
 
@@ -57,8 +59,7 @@ class McapBackend(Protocol):
         ctx: Context,
         bundle: TaskBundle,
         episodes: Episodes,
-        film: Film | None,
-        view: View | None,
+        seen: Sequence[Camera],
         out: Path,
         common: McapOptions,
         options: Any,
@@ -75,22 +76,25 @@ def mcap(
     episodes: Episodes,
     film: Film | None = None,
     view: View | None = None,
+    films: Collection[Film] | None = None,
+    views: Collection[View] | None = None,
     *,
     options: McapOptions,
 ) -> Folder:
     """Return one MCAP file per kept episode, profile `ros2`, with joints, commands, frames, forces and images.
 
     The robot is `/robot_description` (URDF, also attached), objects are markers in their frames, so that viewers draw
-    both.
+    both. `film` and `view` are of one camera, `films` and `views` of several by name; depth is `16UC1`.
 
     Time starts at 0 in every episode. Frames follow ROS: quaternions x y z w, camera frames with z forward.
     """
-    form.check(ctx, episodes, film, view)
-    if film is not None and options.picture == "h264":
-        ctx.check(film.width % 2 == film.height % 2 == 0, "H.264 takes pictures of even width and height")
+    seen = form.checked(ctx, episodes, Given(film, view, films, views), options)
+    for one in (each.film for each in seen if each.film is not None and options.picture == "h264"):
+        ctx.check(one.width % 2 == one.height % 2 == 0, "H.264 takes pictures of even width and height")
     described = replace(FORM, place=lambda term: place(term, options.picture))
-    folder, megabytes = written(ctx, bundle, episodes, film, view, described, options)
+    folder, megabytes = written(ctx, bundle, episodes, seen, described, options)
     recordings = sum(name.startswith("episode-") for name in folder.files)
     ctx.check(recordings == len(episodes.items), "episodes were lost")
-    ctx.say(f"{recordings} recordings, {'with' if film else 'without'} pictures, {megabytes:.1f} MB")
+    pictures = "with" if any(each.film for each in seen) else "without"
+    ctx.say(f"{recordings} recordings, {pictures} pictures, {megabytes:.1f} MB")
     return folder

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
 from dextera_build.artifacts.tasks.episode import Episode, Episodes, Film
-from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.formats.h264 import Encoder
 from dextera_build.formats.ros import messages
 from dextera_build.formats.ros.recording import LATCHED, Recording, packed
@@ -24,6 +25,7 @@ from dextera_build.sim.observe.shapes import Shapes
 from .mcap_place import place
 
 if TYPE_CHECKING:
+    from .cameras import Camera
     from .mcap import McapOptions
 
 BACKEND = Backend(
@@ -40,8 +42,7 @@ def write(
     ctx: Context,
     bundle: TaskBundle,
     episodes: Episodes,
-    film: Film | None,
-    view: View | None,
+    seen: Sequence[Camera],
     out: Path,
     common: McapOptions,
     options: Options,
@@ -56,17 +57,31 @@ def write(
             shapes.send(beside, 0, {})
             beside.finish()
     for number, (label, episode) in enumerate(episodes.in_order()):
-        pictures = _encoded(film, label, episodes, common) if film is not None else None
+        pictures = [_Pictures(each, label, episodes, common) for each in seen]
         with (out / f"episode-{number:06d}.mcap").open("wb") as file:
             recording = EpisodeRecording(file, episodes, common, shapes)
             recording.describe(bundle, label, episode)
-            recording.once(bundle, view, episode)
+            recording.once(bundle, seen, episode)
             for step in range(len(episode.joints)):
                 recording.step(episode, step)
-                if pictures is not None:
-                    recording.picture(step, next(pictures), view)
+                for each in pictures:
+                    recording.pictures(step, each)
             recording.close()
         ctx.progress(number + 1, len(episodes.items), "recordings")
+
+
+def _optical(camera: Camera) -> str:
+    """The frame of a camera."""
+    return f"{camera.name}_color_optical_frame"
+
+
+class _Pictures:
+    """What a camera saw in one episode, step by step."""
+
+    def __init__(self, camera: Camera, label: str, episodes: Episodes, options: McapOptions) -> None:
+        self.camera, film = camera, camera.film
+        self.colours = iter(()) if film is None else _encoded(film, label, episodes, options)
+        self.depths = iter(()) if film is None or not camera.has_depth else film.each_depth(label)
 
 
 def _encoded(film: Film, label: str, episodes: Episodes, options: McapOptions) -> Iterator[bytes]:
@@ -90,7 +105,6 @@ class EpisodeRecording:
     def __init__(self, file: BinaryIO, episodes: Episodes, options: McapOptions, shapes: Shapes) -> None:
         self._episodes, self._options, self._shapes = episodes, options, shapes
         self._out = Recording(file, options.compression)
-        self._optical = f"{options.camera}_color_optical_frame"
         # The goal is in `task.json`, so its names are not needed.
         self._terms = [term for term in of_episodes(episodes, ()).terms() if term.declared.topic]
 
@@ -114,12 +128,13 @@ class EpisodeRecording:
         self._out.attach("task.json", bundle.task.model_dump(mode="json"))
         self._out.attach("segments.json", [segment.model_dump() for segment in episode.segments])
 
-    def once(self, bundle: TaskBundle, view: View | None, episode: Episode) -> None:
+    def once(self, bundle: TaskBundle, seen: Sequence[Camera], episode: Episode) -> None:
         """Write static frames, the robot's description and shapes."""
         edges = [("world", BASE, poses.from_matrix(bundle.base_pose.matrix))]
-        if view is not None:
-            camera = bundle.base_pose.inverse() @ view.camera_pose
-            edges.append((BASE, self._optical, poses.from_matrix(camera.matrix)))
+        for each in seen:
+            if each.view is not None:
+                placed = bundle.base_pose.inverse() @ each.view.camera_pose
+                edges.append((BASE, _optical(each), poses.from_matrix(placed.matrix)))
         sizes = episode.start.size_scale
         edges += self._shapes.fixed(sizes)
         joints = dict(zip(self._episodes.joint_names, episode.joints.T.astype(np.float64), strict=True))
@@ -140,18 +155,26 @@ class EpisodeRecording:
             for topic, message in _messages(term, episode.values(term.declared.name)[step], t, reach, edges):
                 self._out.send(topic, term.declared.message, t, message)
 
-    def picture(self, step: int, encoded: bytes, view: View | None) -> None:
-        """Write an encoded frame, and the camera's intrinsics if known."""
-        t, term, kind = self._time(step), BY_NAME["rgb"], self._options.picture
-        topic = place(term, kind).format(self._options.camera)
+    def pictures(self, step: int, pictures: _Pictures) -> None:
+        """Write a camera's next frame and its depth, if there are any, and its intrinsics if they are known."""
+        t, camera = self._time(step), pictures.camera
+        for encoded in islice(pictures.colours, 1):
+            self._colours(t, camera, encoded)
+            if camera.view is not None:
+                info = messages.camera_info(t, _optical(camera), camera.view.camera)
+                self._out.send(f"/{camera.name}/color/camera_info", "sensor_msgs/CameraInfo", t, info)
+        for counts in islice(pictures.depths, 1):
+            term, message = BY_NAME["depth"], messages.depth_image(t, _optical(camera), counts)
+            self._out.send(term.topic.format(camera.name), term.message, t, message)
+
+    def _colours(self, t: int, camera: Camera, encoded: bytes) -> None:
+        term, kind = BY_NAME["rgb"], self._options.picture
+        topic = place(term, kind).format(camera.name)
         if kind == "h264":
-            video = messages.compressed_video(t, self._optical, kind, encoded)
+            video = messages.compressed_video(t, _optical(camera), kind, encoded)
             self._out.send(topic, "foxglove_msgs/CompressedVideo", t, video)
         else:
-            self._out.send(topic, term.message, t, messages.compressed_image(t, self._optical, kind, encoded))
-        if view is not None:
-            info = messages.camera_info(t, self._optical, view.camera)
-            self._out.send(f"/{self._options.camera}/color/camera_info", "sensor_msgs/CameraInfo", t, info)
+            self._out.send(topic, term.message, t, messages.compressed_image(t, _optical(camera), kind, encoded))
 
     def close(self) -> None:
         """Write the index and close the file."""

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build.artifacts.core import trees
-from dextera_build.artifacts.tasks.episode import Episodes, Film
-from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.artifacts.tasks.episode import Episodes
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.rule import Backend, Context, Options
 
 if TYPE_CHECKING:
+    from .cameras import Camera
     from .mcap import McapOptions
 
 BACKEND = Backend(summary="empty recordings", profiles=("stub",))
@@ -21,8 +23,7 @@ def write(
     ctx: Context,
     bundle: TaskBundle,
     episodes: Episodes,
-    film: Film | None,
-    view: View | None,
+    seen: Sequence[Camera],
     out: Path,
     common: McapOptions,
     options: Options,

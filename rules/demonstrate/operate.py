@@ -16,6 +16,8 @@ from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.policy.added import listed
 from dextera_build.rule import Context, Options, Tolerance, rule
+from dextera_build.sim.experts import workplace
+from dextera_build.sim.experts.workplace import Other
 from dextera_build.statistics import wilson
 
 
@@ -33,6 +35,9 @@ class OperateOptions(Options):
     recording, the first takes."""
     lag_m: PositiveFloat = 0.02
     """Episodes in which joint limits keep the palm farther than this from its command are discarded [m]."""
+    accept_other: tuple[Other, ...] = ()
+    """What may be another one than the recording was made with: `task`, `robot`. So hands that were recorded with one
+    robot are retargeted to another, which their operator did not see."""
     press_n: NonNegativeFloat = 2.0
     """Episodes with an unintended contact above this force are discarded [N]."""
 
@@ -88,8 +93,11 @@ def operate(
 
     Raises:
         RuleError: Too few attempts succeed, or the operator finds no plan for the task; not with option `attempts`. The
-            hands of the recording do not fit the robot, or the backend needs a recording or follows none.
+            hands of the recording do not fit the robot or were recorded with another task or robot, or the backend
+            needs a recording or follows none.
     """
+    if recording is not None and (doubt := workplace.check(recording, bundle, options.accept_other)):
+        ctx.warn(doubt)
     shown: Episodes = ctx.backend.operate(ctx, bundle, listed(terms), recording, options, ctx.backend_options)
     reasons = spelled(shown.reasons, most=5)
     done = len(shown.items)

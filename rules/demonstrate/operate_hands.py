@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import NonNegativeFloat, PositiveFloat
+from pydantic import Field, NonNegativeFloat, PositiveFloat
 
+from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.artifacts.robots.hand_stream import HandStream
 from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.artifacts.tasks.task import TaskBundle
@@ -36,6 +37,15 @@ BACKEND = Backend(
 _DEFAULT = Retargeting()
 
 
+class GuardOptions(Limits, Options):
+    """Limits that a guard enforces on targets, as in a robot's cell."""
+
+    speed: float = Field(1.0, gt=0.0, le=1.0)
+    """Fraction of every joint's speed limit that targets may use."""
+    force_n: PositiveFloat | None = None
+    """Force on a fingertip at which the robot is stopped and the take has failed [N]; empty: none."""
+
+
 class RetargetOptions(Options):
     """How hands of the operator become motion of the robot."""
 
@@ -63,9 +73,12 @@ class RetargetOptions(Options):
     """Distance that arms keep from the rest of the robot, and hands from arms, where the operator would bring them
     nearer; 0: none [m]."""
 
+    limits: GuardOptions | None = None
+    """Limits that the guard enforces on the robot; empty: those of the recording's session, or else the joints' own."""
+
     def constants(self) -> Retargeting:
         """These options in [rad]."""
-        given = self.model_dump(exclude={"heading_deg", "jump_deg"})
+        given = self.model_dump(exclude={"heading_deg", "jump_deg", "limits"})
         heading = None if self.heading_deg is None else float(np.radians(self.heading_deg))
         return Retargeting(**given, heading_rad=heading, jump_rad=float(np.radians(self.jump_deg)))
 
@@ -86,7 +99,8 @@ def operate(
     takes = recording.demonstrations[: common.attempts]
     own, constants = hands_of(bundle.robot), motion.headed(options.constants(), recording)
     environment = Environment(patient(bundle, recording, takes), terms=of_specs(terms, ctx.companion))
-    driver = Driver(environment, apart_m=constants.apart_m)
+    recorded = recording.workplace.limits if recording.workplace is not None else Limits()
+    driver = Driver(environment, apart_m=constants.apart_m, limits=options.limits or recorded)
     filters = Filters(lag_m=common.lag_m, press_n=common.press_n, fingers=True)
     items: dict[str, Episode] = {}
     failures: dict[str, Episode] = {}

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dextera_build.artifacts.tasks.episode import Episodes, Film
-from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.artifacts.tasks.task import TaskBundle
 
 from . import facts
 from .lerobot_features import ACTION, Feature
 
 if TYPE_CHECKING:
+    from .cameras import Camera
     from .rlds import RldsOptions
 
 FEATURES = "tensorflow_datasets.core.features"
+PICTURE, DEPTH = "image", "depth"
+"""Names of the pictures and the depth of the only camera among the observations."""
 FLAGS = ("is_first", "is_last", "is_terminal")
 TEMPLATE = "{DATASET}-{SPLIT}.{FILEFORMAT}-{SHARD_X_OF_Y}"
 TEXTS = ("label", "origin", "start", "segments")
@@ -35,22 +38,30 @@ class Split:
     """Size of all files [bytes]."""
 
 
-def features(observed: Mapping[str, Feature], width: int, film: Film | None, options: RldsOptions) -> bytes:
+def picture_key(kind: str, several: bool) -> str:
+    """Name of pictures among the observations, of kind `PICTURE` or `DEPTH`; `{}` is one of several cameras."""
+    return f"{{}}_{kind}" if several else kind
+
+
+def features(observed: Mapping[str, Feature], width: int, seen: Sequence[Camera], options: RldsOptions) -> bytes:
     """`features.json`.
 
     Args:
         observed: Name -> vector that a policy may observe.
         width: Numbers of an action.
-        film: Its pictures, if there are any.
+        seen: Its cameras.
         options: Encoding of the pictures.
     """
-    seen = {name: _tensor("float32", feature.width) for name, feature in observed.items()}
-    if film is not None:
-        size = [str(film.height), str(film.width), "3"]
-        picture = {"shape": {"dimensions": size}, "dtype": "uint8", "encodingFormat": options.picture}
-        seen["image"] = {"pythonClassName": f"{FEATURES}.image_feature.Image", "image": picture}
+    found = {name: _tensor("float32", feature.width) for name, feature in observed.items()}
+    for each in seen:
+        if each.film is not None:
+            found[picture_key(PICTURE, len(seen) > 1).format(each.name)] = _image(
+                each.film, 3, "uint8", options.picture
+            )
+        if each.film is not None and each.has_depth:
+            found[picture_key(DEPTH, len(seen) > 1).format(each.name)] = _image(each.film, 1, "uint16", "png")
     step = {
-        "observation": _named(seen),
+        "observation": _named(found),
         ACTION: _tensor("float32", width),
         "reward": _tensor("float32"),
         "discount": _tensor("float32"),
@@ -66,10 +77,10 @@ def features(observed: Mapping[str, Feature], width: int, film: Film | None, opt
     return facts.document(_named(whole))
 
 
-def about(bundle: TaskBundle, episodes: Episodes, view: View | None, options: RldsOptions) -> dict[str, object]:
+def about(bundle: TaskBundle, episodes: Episodes, seen: Sequence[Camera]) -> dict[str, object]:
     """What other forms have in `meta/dextera.json` and `meta/cameras.json`."""
-    seen = {} if view is None else {"cameras": facts.cameras(bundle, view, options.camera)}
-    return facts.about(bundle, episodes) | seen
+    found = facts.cameras(bundle, seen)
+    return facts.about(bundle, episodes) | ({"cameras": found} if found else {})
 
 
 def info(name: str, version: str, described: Mapping[str, object], splits: list[Split]) -> bytes:
@@ -109,6 +120,12 @@ def file(name: str, split: str, number: int, count: int) -> str:
 def _named(features: Mapping[str, object]) -> dict[str, object]:
     inside = {"features": dict(features)}
     return {"pythonClassName": f"{FEATURES}.features_dict.FeaturesDict", "featuresDict": inside}
+
+
+def _image(film: Film, channels: int, dtype: str, encoding: str) -> dict[str, object]:
+    size = [str(film.height), str(film.width), str(channels)]
+    picture = {"shape": {"dimensions": size}, "dtype": dtype, "encodingFormat": encoding}
+    return {"pythonClassName": f"{FEATURES}.image_feature.Image", "image": picture}
 
 
 def _tensor(dtype: str, width: int | None = None) -> dict[str, object]:

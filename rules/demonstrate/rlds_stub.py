@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build.artifacts.core import trees
-from dextera_build.artifacts.tasks.episode import Episodes, Film
-from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.artifacts.tasks.episode import Episodes
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.rule import Backend, Context, Options
 
 from . import form, rlds_meta
 from .lerobot_actions import Actions
 
 if TYPE_CHECKING:
+    from .cameras import Camera
     from .rlds import RldsOptions
 
 BACKEND = Backend(summary="facts only, no records", profiles=("stub",))
@@ -23,8 +25,7 @@ def write(
     ctx: Context,
     bundle: TaskBundle,
     episodes: Episodes,
-    film: Film | None,
-    view: View | None,
+    seen: Sequence[Camera],
     out: Path,
     common: RldsOptions,
     options: Options,
@@ -32,10 +33,10 @@ def write(
     """Write `features.json` and `dataset_info.json`."""
     actions = Actions(bundle)
     splits = [rlds_meta.Split("train", (len(episodes.items),), 0)]
-    about = rlds_meta.about(bundle, episodes, view, common)
+    about = rlds_meta.about(bundle, episodes, seen)
     files = {
         "features.json": rlds_meta.features(
-            form.observed(bundle, episodes, actions), len(actions.spec.names), film, common
+            form.observed(bundle, episodes, actions), len(actions.spec.names), seen, common
         ),
         "dataset_info.json": rlds_meta.info(out.parent.name, out.name, about, splits),
     }

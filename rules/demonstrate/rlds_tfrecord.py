@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dextera_build.artifacts.core import trees
-from dextera_build.artifacts.tasks.episode import Episode, Episodes, Film
-from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.artifacts.tasks.episode import Episode, Episodes
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.formats import tfrecord
 from dextera_build.formats.ros.recording import packed
 from dextera_build.rule import Backend, Context, Options
@@ -21,6 +21,7 @@ from . import facts, form, lerobot_features, rlds_meta, split
 from .lerobot_actions import Actions
 
 if TYPE_CHECKING:
+    from .cameras import Camera
     from .rlds import RldsOptions
 
 BACKEND = Backend(
@@ -35,8 +36,7 @@ def write(
     ctx: Context,
     bundle: TaskBundle,
     episodes: Episodes,
-    film: Film | None,
-    view: View | None,
+    seen: Sequence[Camera],
     out: Path,
     common: RldsOptions,
     options: Options,
@@ -53,18 +53,17 @@ def write(
 
     def messages(own: list[tuple[str, Episode]]) -> Iterator[bytes]:
         for label, episode in own:
-            pictures = film.each(label) if film is not None else None
-            yield _message(bundle, episodes, label, episode, actions, pictures, common)
+            yield _message(bundle, episodes, label, episode, actions, seen, common)
             ctx.progress(next(done), len(ordered), "episodes")
 
     for side, own in sides.items():
         if own:
             splits.append(_split(out, name, side, messages(own), common.shard_mb * 1e6))
     observed = form.observed(bundle, episodes, actions)
-    about = rlds_meta.about(bundle, episodes, view, common)
+    about = rlds_meta.about(bundle, episodes, seen)
     trees.write(
         {
-            "features.json": rlds_meta.features(observed, len(actions.spec.names), film, common),
+            "features.json": rlds_meta.features(observed, len(actions.spec.names), seen, common),
             "dataset_info.json": rlds_meta.info(name, out.name, about, splits),
         },
         out,
@@ -94,7 +93,7 @@ def _message(
     label: str,
     episode: Episode,
     actions: Actions,
-    pictures: Iterator[np.ndarray] | None,
+    seen: Sequence[Camera],
     common: RldsOptions,
 ) -> bytes:
     """One episode: the numbers of all steps one after another, under the path of their feature."""
@@ -106,8 +105,7 @@ def _message(
     found: dict[str, tfrecord.Value] = {
         f"observation/{name}": columns[form.OBSERVED + name] for name in form.observed(bundle, episodes, actions)
     }
-    if pictures is not None:
-        found["observation/image"] = [packed(frame, common.picture) for frame in pictures]
+    found |= _pictures(seen, label, common)
     found |= {
         lerobot_features.ACTION: actions.of(episode),
         "reward": success.astype(np.float32),
@@ -127,3 +125,17 @@ def _message(
         | {"episode_metadata/success": np.array([episode.success])}
         | {"episode_metadata/seed": np.array([episode.start.seed])}
     )
+
+
+def _pictures(seen: Sequence[Camera], label: str, options: RldsOptions) -> dict[str, tfrecord.Value]:
+    """Encoded pictures and depth of all steps, under the path of their feature."""
+    found: dict[str, tfrecord.Value] = {}
+    picture, depth = (
+        f"observation/{rlds_meta.picture_key(kind, len(seen) > 1)}" for kind in (rlds_meta.PICTURE, rlds_meta.DEPTH)
+    )
+    for each in seen:
+        if each.film is not None:
+            found[picture.format(each.name)] = [packed(frame, options.picture) for frame in each.film.each(label)]
+        if each.film is not None and each.has_depth:
+            found[depth.format(each.name)] = [packed(frame, "png") for frame in each.film.each_depth(label)]
+    return found

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
 
-from dextera_build.artifacts.tasks.episode import Episode, Episodes, Film
-from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.artifacts.tasks.episode import DEPTH_STEP_M, Episode, Episodes
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.render.filming import Replica
 
@@ -19,6 +19,7 @@ from . import facts, form, lerobot_features, robomimic_names, split
 from .lerobot_actions import Actions
 
 if TYPE_CHECKING:
+    from .cameras import Camera
     from .robomimic import RobomimicOptions
 
 BACKEND = Backend(summary="HDF5 by h5py", profiles=("cpu",), packages=("h5py", "mujoco"), extra="learn")
@@ -30,8 +31,7 @@ def write(
     ctx: Context,
     bundle: TaskBundle,
     episodes: Episodes,
-    film: Film | None,
-    view: View | None,
+    seen: Sequence[Camera],
     out: Path,
     common: RobomimicOptions,
     options: Options,
@@ -53,12 +53,14 @@ def write(
             _numbers(demo, form.observed(bundle, episodes, actions), episodes, episode, scale.of(taken[number]))
             demo["states"] = replica.positions(episode)
             _about(demo, label, episode, facts.instruction(bundle, common))
-            if film is not None:
-                _pictures(demo, robomimic_names.PICTURE.format(common.camera), film, label, len(episode.joints))
+            for each in seen:
+                _seen(demo, each, label, len(episode.joints), common)
             ctx.progress(number + 1, len(ordered), "demonstrations")
         _whole(data, bundle, episodes, actions, scale)
-        if view is not None:
-            data.attrs["cameras"] = facts.document(facts.cameras(bundle, view, common.camera)).decode()
+        if cameras := facts.cameras(bundle, seen):
+            data.attrs["cameras"] = facts.document(cameras).decode()
+        if any(each.has_depth for each in seen):
+            data.attrs["depth_reach_m"] = common.reach_m
         for side, demos in sides.items():
             if demos:
                 file[f"mask/{side}"] = np.array(demos, "S")
@@ -109,20 +111,39 @@ def _after(values: np.ndarray) -> np.ndarray:
     return np.concatenate([values[1:], values[-1:]])
 
 
-def _pictures(demo: Any, name: str, film: Film, label: str, steps: int) -> None:
-    """Pictures (T, H, W, 3) uint8, compressed; those of the step after are views of the same bytes."""
-    shape = (steps, film.height, film.width, 3)
-    pictures = demo.create_dataset(f"obs/{name}", shape, "uint8", chunks=(1, *shape[1:]), compression="gzip")
-    for number, frame in enumerate(film.each(label)):
+def _seen(demo: Any, camera: Camera, label: str, steps: int, options: RobomimicOptions) -> None:
+    """Pictures (T, H, W, 3) uint8 and depth (T, H, W, 1) float32 in 0..1 of a camera."""
+    film = camera.film
+    if film is None:
+        return
+    size = (steps, film.height, film.width)
+    _pictures(demo, robomimic_names.PICTURE.format(camera.name), (*size, 3), "uint8", film.each(label))
+    if camera.has_depth:
+        depth = (_scaled(counts, options.reach_m)[..., None] for counts in film.each_depth(label))
+        _pictures(demo, robomimic_names.DEPTH.format(camera.name), (*size, 1), "float32", depth)
+
+
+def _scaled(counts: np.ndarray, reach_m: float) -> np.ndarray:
+    """Distances (H, W) in counts of `DEPTH_STEP_M` as float32 in 0..1, 0 beyond `reach_m`."""
+    parts = counts * np.float32(DEPTH_STEP_M / reach_m)
+    return np.where(parts <= 1.0, parts, np.float32(0.0))
+
+
+def _pictures(demo: Any, name: str, shape: tuple[int, ...], kind: str, frames: Iterable[np.ndarray]) -> None:
+    """Frames (T, H, W, C), compressed; those of the step after are views of the same bytes."""
+    compressed = {"compression": "gzip", "shuffle": kind != "uint8"}
+    pictures = demo.create_dataset(f"obs/{name}", shape, kind, chunks=(1, *shape[1:]), **compressed)
+    for number, frame in enumerate(frames):
         pictures[number] = frame
+    steps = shape[0]
     # `create_virtual_dataset` would write the time of the day.
-    kind = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
-    kind.set_obj_track_times(False)
+    virtual = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    virtual.set_obj_track_times(False)
     for first, taken, count in ((0, 1, steps - 1), (steps - 1, steps - 1, 1)):
         if count:
-            kind.set_virtual(_rows(shape, first, count), b".", pictures.name.encode(), _rows(shape, taken, count))
+            virtual.set_virtual(_rows(shape, first, count), b".", pictures.name.encode(), _rows(shape, taken, count))
     space = h5py.h5s.create_simple(shape)
-    h5py.h5d.create(demo["next_obs"].id, name.encode(), pictures.id.get_type(), space, dcpl=kind)
+    h5py.h5d.create(demo["next_obs"].id, name.encode(), pictures.id.get_type(), space, dcpl=virtual)
 
 
 def _rows(shape: tuple[int, ...], first: int, count: int) -> Any:
@@ -144,7 +165,7 @@ def _about(demo: Any, label: str, episode: Episode, words: str) -> None:
 def _whole(data: Any, bundle: TaskBundle, episodes: Episodes, actions: Actions, scale: Scale) -> None:
     """Attributes of the data set."""
     about = facts.about(bundle, episodes)
-    name = f"dxb/{bundle.task.name}-{facts.robot_type(bundle)}-v0"
+    name = f"dxb/{bundle.task.name}-{bundle.robot.model_name}-v0"
     data.attrs["env_args"] = json.dumps({"env_name": name, "type": GYM, "env_kwargs": {"action": bundle.task.action}})
     data.attrs["total"] = sum(len(episode.joints) for episode in episodes.items.values())
     data.attrs["action_names"] = list(actions.spec.names)

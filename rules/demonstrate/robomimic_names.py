@@ -7,9 +7,9 @@ from .lerobot_features import ACTION
 
 FILE = "demo.hdf5"
 ACTIONS, EXECUTED = "actions", "executed"
-OBJECT, PICTURE = "object", "{}_image"
-"""What robomimic calls the state of the objects, and the pictures of a camera."""
-RENAMED = {"environment_state": OBJECT, "images.{}": PICTURE}
+OBJECT, PICTURE, DEPTH = "object", "{}_image", "{}_depth"
+"""What robomimic calls the state of the objects, and the pictures and the depth of a camera."""
+RENAMED = {"environment_state": OBJECT, "images.{}": PICTURE, "images.{}_depth": DEPTH}
 
 
 def observed(feature: str) -> str:

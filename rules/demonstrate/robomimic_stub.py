@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build.artifacts.core import trees
-from dextera_build.artifacts.tasks.episode import Episodes, Film
-from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.artifacts.tasks.episode import Episodes
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.rule import Backend, Context, Options
 
 from . import robomimic_names
 
 if TYPE_CHECKING:
+    from .cameras import Camera
     from .robomimic import RobomimicOptions
 
 BACKEND = Backend(summary="an empty file", profiles=("stub",))
@@ -23,8 +25,7 @@ def write(
     ctx: Context,
     bundle: TaskBundle,
     episodes: Episodes,
-    film: Film | None,
-    view: View | None,
+    seen: Sequence[Camera],
     out: Path,
     common: RobomimicOptions,
     options: Options,

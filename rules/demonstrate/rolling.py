@@ -35,17 +35,3 @@ class Roll:
             self._number, self._filled = self._number + 1, 0.0
         self._filled += size
         return Place(*divmod(self._number, self._per))
-
-
-def places(sizes: list[float], limit: float, files_per_chunk: int) -> list[Place]:
-    """The file of every episode; see `Roll`."""
-    roll = Roll(limit, files_per_chunk)
-    return [roll.place(size) for size in sizes]
-
-
-def grouped(where: list[Place]) -> dict[Place, list[int]]:
-    """File -> indices of its episodes."""
-    found: dict[Place, list[int]] = {}
-    for position, place in enumerate(where):
-        found.setdefault(place, []).append(position)
-    return found

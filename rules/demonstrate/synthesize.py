@@ -51,10 +51,9 @@ class SynthesizeOptions(Options):
     """The same where a hand should touch the object, because the pads of fingers are soft [m]."""
     speed: PositiveFloat = 1.1
     """Episodes in which a joint moves faster than this multiple of its limit are discarded."""
-    acceleration_rad_s2: PositiveFloat = 8.5
-    """Paths are retimed so that no joint of an arm is accelerated more than this, and episodes in which one is all the
-    same are discarded [rad/s^2]. Makers of arms state speeds and torques, but seldom accelerations; the least
-    accelerated joint of an LBR iiwa was measured at 8.57 rad/s^2 (Drake's model of it)."""
+    acceleration: PositiveFloat = 1.0
+    """Paths are retimed so that no joint of an arm is accelerated more than this multiple of its limit, which the
+    robot's recipe states, and episodes in which one is all the same are discarded."""
     hold_s: NonNegativeFloat = 0.5
     """Episodes whose success does not last for this time are discarded, if the task demands less [s]."""
     tries: PositiveInt = 6

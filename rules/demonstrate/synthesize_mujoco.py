@@ -82,7 +82,7 @@ def _manner(options: SynthesizeOptions) -> synthesis.Manner:
             depth_m=options.depth_m,
             grip_m=options.grip_m,
             speed=options.speed,
-            acceleration_rad_s2=options.acceleration_rad_s2,
+            acceleration=options.acceleration,
             hold_s=options.hold_s,
         ),
         timing=Timing(options.speed_m_s, float(np.radians(options.turn_deg_s))),

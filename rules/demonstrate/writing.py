@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.core.lazy import sizes
-from dextera_build.artifacts.tasks.episode import Episodes, Film
-from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.artifacts.tasks.episode import Episodes
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.rule import Context
 
 from . import card
+from .cameras import Camera
 from .form import Form, FormOptions
 
 
@@ -20,8 +22,7 @@ def written(
     ctx: Context[Any],
     bundle: TaskBundle,
     episodes: Episodes,
-    film: Film | None,
-    view: View | None,
+    seen: Sequence[Camera],
     described: Form,
     options: FormOptions,
     inside: str = "",
@@ -32,16 +33,15 @@ def written(
         ctx: Context with the backend.
         bundle: The task.
         episodes: Its episodes.
-        film: Their pictures.
-        view: The camera of the pictures.
+        seen: Its cameras.
         described: The form, for the card.
         options: The rule's options.
         inside: Folder for the backend's files, below that of the card.
     """
     out = Path(tempfile.mkdtemp(dir=ctx.scratch))
     (out / inside).mkdir(parents=True, exist_ok=True)
-    ctx.backend.write(ctx, bundle, episodes, film, view, out / inside, options, ctx.backend_options)
-    card.write(bundle, episodes, film, view, described, options, out)
+    ctx.backend.write(ctx, bundle, episodes, seen, out / inside, options, ctx.backend_options)
+    card.write(bundle, episodes, seen, described, options, out)
     found = Folder.of(out)
     megabytes = sum(sizes(found.files)) / 1e6
     ctx.metric("size", megabytes, "MB")

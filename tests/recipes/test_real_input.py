@@ -66,7 +66,7 @@ nodes:
         bundle: $task
         sources: $sources
         shard: $shard
-        acceleration_rad_s2: 20
+        acceleration: 2.35
         tries: 12
   act: {rule: learn.act, bundle: $task, episodes: $episodes, steps: 200}
   act_twin: {rule: evaluate.rollouts, bundle: $task, checkpoint: $act, trials: 10}

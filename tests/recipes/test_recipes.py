@@ -54,6 +54,16 @@ INPUTS = {
         "reference": "task/kl/lift_mustard_bottle:reference",
         "cell": "task/kl/lift_mustard_bottle:cell",
         "view": "task/kl/lift_mustard_bottle:view",
+        "front": "task/kl/lift_mustard_bottle:front",
+        "side": "task/kl/lift_mustard_bottle:side",
+    },
+    "dataset/forms": {
+        "bundle": "task/kl/lift_mustard_bottle:task",
+        "episodes": "task/kl/lift_mustard_bottle:episodes",
+        "front": "task/kl/lift_mustard_bottle:front",
+        "side": "task/kl/lift_mustard_bottle:side",
+        "front_film": "dataset/kl/lift_mustard_bottle:data.front_film",
+        "side_film": "dataset/kl/lift_mustard_bottle:data.side_film",
     },
     "policy/pair": {
         "task": "task/kl/lift_mustard_bottle:task",

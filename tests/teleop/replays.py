@@ -31,13 +31,29 @@ def watched(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Episode]]:
         yield found
 
 
-def assert_same(runner: RuleRunner, bundle: TaskBundle, recording: HandStream, seen: list[Episode]) -> None:
+def assert_same(
+    runner: RuleRunner, bundle: TaskBundle, recording: HandStream, seen: list[Episode], **options: Any
+) -> None:
     """Build the episodes of a recording, and compare them with those that were seen."""
-    made = runner.run("demonstrate.operate", backend="hands", bundle=bundle, recording=recording)
+    made = runner.run("demonstrate.operate", backend="hands", bundle=bundle, recording=recording, options=options)
     assert isinstance(made, Episodes)
     assert len(made.items) == len(recording.takes) == len(seen)
     for replayed, was in zip(made.items.values(), seen, strict=True):
         assert differences(replayed, was) == []
+
+
+def followed(runner: RuleRunner, bundle: TaskBundle, recording: HandStream, **options: Any) -> Episode:
+    """What the only take of a recording becomes, successful or not."""
+    made = runner.run(
+        "demonstrate.operate",
+        backend="hands",
+        bundle=bundle,
+        recording=recording,
+        options={"attempts": 1} | options,
+    )
+    (episode,) = (*made.items.values(), *made.failures.values())
+    assert isinstance(episode, Episode)
+    return episode
 
 
 def differences(one: Episode, other: Episode) -> list[str]:

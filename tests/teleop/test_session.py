@@ -6,14 +6,18 @@ import json
 import resource
 import struct
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.artifacts.robots.hand_stream import HandStream
 from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.sim.experts import workplace
 from dextera_build.sim.experts.live_operator import Message
 from dextera_build.sim.retarget.options import Retargeting
 from dextera_build.teleop import protocol, session
@@ -31,12 +35,12 @@ pytestmark = pytest.mark.slow
 class Live:
     """A session whose states are kept, and an operator's means to reach it."""
 
-    def __init__(self, bundle: TaskBundle, path: Path, *starts: int) -> None:
+    def __init__(self, bundle: TaskBundle, path: Path, *starts: int, limits: Limits | None = None) -> None:
         self.states: list[dict[str, Any]] = []
-        self.takes = Takes(path, synthetic=True)
-        self.session = Session(
-            bundle, Plan(1, 0, starts, 30.0, SPEED, Retargeting(heading_rad=0.0)), self.takes, self.publish
-        )
+        limits = limits or Limits()
+        self.takes = Takes(path, synthetic=True, workplace=workplace.of(bundle, limits))
+        plan = Plan(1, 0, starts, 30.0, SPEED, Retargeting(heading_rad=0.0), limits)
+        self.session = Session(bundle, plan, self.takes, self.publish)
         self.session.start()
 
     def publish(self, state: bytes) -> None:
@@ -86,8 +90,8 @@ def opened(lifting: TaskBundle, tmp_path: Path) -> Iterator[Callable[..., Live]]
     """Opens a session with the seeds of its first starts."""
     made: list[Live] = []
 
-    def open_one(*starts: int) -> Live:
-        made.append(Live(lifting, tmp_path / "made.mcap", *starts))
+    def open_one(*starts: int, limits: Limits | None = None) -> Live:
+        made.append(Live(lifting, tmp_path / "made.mcap", *starts, limits=limits))
         return made[-1]
 
     yield open_one
@@ -100,12 +104,12 @@ def live(opened: Callable[..., Live]) -> Live:
     return opened()
 
 
-def demonstrate(live: Live, hands: HandStream) -> None:
+def demonstrate(live: Live, hands: HandStream, sides: Sequence[str] = ("right",)) -> None:
     """Hold the hands open, start, and move them as in the first take, in real time."""
     take = hands.takes[0]
     move(live, hands, *operators.opened(hands, 0), 1.0)
     (_, still), *_ = operators.frames(hands, operators.opened(hands, 0)[1] - 5, take.first)
-    while not live.session.measure.done("right"):
+    while not all(live.session.measure.done(side) for side in sides):
         live.say(still)
         time.sleep(0.05)
     live.session.wish("start")
@@ -137,6 +141,42 @@ def test_a_take_replays_bit_for_bit_as_the_operator_saw_it(
     assert recording.takes[0].finger_lengths_m[1] is not None
     for _ in range(2):
         replays.assert_same(runner, lifting, recording, seen)
+
+
+def test_a_take_with_a_slower_guard_replays_with_the_same_guard(
+    runner: RuleRunner, lifting: TaskBundle, opened: Callable[..., Live], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, hands = hand_tasks.shown(runner, lifting, monkeypatch)
+    limits = Limits(speed=0.8, force_n=500.0)
+    # The hands are those of somebody who saw a faster robot, which this one comes after.
+    monkeypatch.setattr(session, "FILTERS", replace(session.FILTERS, lag_m=0.1))
+    live = opened(hands.takes[0].seed, limits=limits)
+    with replays.watched(monkeypatch) as seen:
+        demonstrate(live, hands)
+        live.until("phase", "ready")
+    assert live.states[-1]["kept"] == 1, [state["told"] for state in live.states[-5:]]
+    recording = HandStream.load(live.takes.path)
+    assert recording.workplace == workplace.of(lifting, limits)
+    replays.assert_same(runner, lifting, recording, seen, lag_m=0.1)
+    (shown,) = seen
+    robot, rate = lifting.robot, lifting.task.control_hz
+    most = limits.speed * np.array([joint.velocity for joint in robot.joints]) / rate
+    assert (np.abs(np.diff(shown.executed, axis=0)) <= most + 1e-6).all()
+    # Without the guard of its session, the same hands move the robot otherwise.
+    fast = replays.followed(runner, lifting, recording, lag_m=0.1, hands={"limits": {"speed": 1.0}})
+    assert (np.abs(np.diff(fast.executed, axis=0)) > most + 1e-6).any()
+
+
+def test_a_guard_that_stops_the_robot_ends_the_take_with_its_reason(
+    runner: RuleRunner, lifting: TaskBundle, opened: Callable[..., Live], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, hands = hand_tasks.shown(runner, lifting, monkeypatch)
+    live = opened(hands.takes[0].seed, limits=Limits(force_n=1e-3))
+    demonstrate(live, hands)
+    told = live.until("phase", "ready")["told"]
+    assert told.startswith("not kept: the guard stopped the robot: `")
+    assert "presses with more than 0.001 N" in told
+    assert not live.takes.kept
 
 
 def test_hands_that_are_not_measured_start_nothing(live: Live) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.robots.hand_stream import HandStream
+from dextera_build.artifacts.robots.hand_stream import HandStream, Workplace
 from dextera_build.errors import StoreError
 from dextera_build.sim.experts.live_operator import TICKS_HZ, Message
 from dextera_build.store import files
@@ -46,6 +46,13 @@ def test_a_recording_holds_messages_times_seeds_and_lengths_exactly(takes: Takes
     for take, each in zip(found.takes, made, strict=True):
         own = found.stamps[take.first : take.last]
         assert ((own - own[0]) * TICKS_HZ).tolist() == [tick for tick, _ in each.rows]
+
+
+def test_a_recording_says_which_task_and_robot_it_was_made_with(tmp_path: Path):
+    place = Workplace(task="LiftCan", robot="kuka_leap", joints=("a", "b"), model="0f")
+    takes = Takes(tmp_path / "made.mcap", synthetic=True, workplace=place)
+    takes.add(taken(1))
+    assert HandStream.load(takes.path).workplace == place
 
 
 def test_undo_drops_the_last_take_and_the_file_with_the_first(takes: Takes):

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
 from dextera_build.artifacts.base import Array, Artifact, Value
+from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.artifacts.spatial import stamped
 from dextera_build.errors import ArtifactError
 from dextera_build.geometry.hands import JOINTS, SIDES, WRIST
@@ -30,6 +31,21 @@ class Take(Value):
     finger_lengths_m: tuple[tuple[float, ...] | None, tuple[float, ...] | None] = (None, None)
     """Lengths of the five fingers of the left and the right hand that were measured before the take,
     `geometry.hands.finger_lengths` [m]; None: not measured, so that medians over the take serve."""
+
+
+class Workplace(Value):
+    """What an operator saw and moved when the hands were recorded."""
+
+    task: str = Field(min_length=1)
+    """Name of the task."""
+    robot: str
+    """Name of the robot."""
+    joints: tuple[str, ...]
+    """Actuated joints of the robot, in order."""
+    model: str = ""
+    """Digest of the task's model, see `sim.experts.workplace`; empty: not known."""
+    limits: Limits = Limits()
+    """Limits that the guard enforced on the robot."""
 
 
 class HandStream(Artifact):
@@ -60,6 +76,8 @@ class HandStream(Artifact):
     """Further inputs, in the order of the columns of `buttons`."""
     buttons: Annotated[np.ndarray, Array("N B", "float32")] | None = None
     """Values of further inputs, 0 to 1; None if there are none."""
+    workplace: Workplace | None = None
+    """The task and the robot that the hands were recorded with; None: not known, as of other recorders."""
     takes: tuple[Take, ...] = ()
     """Demonstrations in the recording, in order; none: all messages are one."""
 

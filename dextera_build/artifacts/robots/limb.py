@@ -16,6 +16,11 @@ ONLY = "arm"
 """Name of the limb of a robot whose frames have no side."""
 
 
+ACCELERATION = 8.5
+"""Acceleration of a joint that states none [rad/s^2 or m/s^2]. Makers of arms state speeds and torques, but seldom
+accelerations; the least accelerated joint of an LBR iiwa was measured at 8.57 rad/s^2 (Drake's model of it)."""
+
+
 class RobotJoint(Value):
     """One actuated joint."""
 
@@ -33,6 +38,8 @@ class RobotJoint(Value):
     """Largest torque or force [N m or N]."""
     home: float
     """Home position [rad or m]."""
+    acceleration: float = ACCELERATION
+    """Largest acceleration of targets, to which motions of arms are slowed [rad/s^2 or m/s^2]."""
 
 
 class Grip(Value):

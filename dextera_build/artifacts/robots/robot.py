@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,6 +10,7 @@ from pydantic import Field, model_validator
 
 from dextera_build.artifacts.base import Artifact, Folder, Value
 from dextera_build.artifacts.robots.hand_map import HandMap as HandMap
+from dextera_build.artifacts.robots.limb import ACCELERATION as ACCELERATION
 from dextera_build.artifacts.robots.limb import Grip as Grip
 from dextera_build.artifacts.robots.limb import Gripper as Gripper
 from dextera_build.artifacts.robots.limb import Group as Group
@@ -52,6 +54,13 @@ class RobotModel(Artifact):
     """Limb -> how an operator's hand maps to its hand, as far as the recipe states it."""
     followers: tuple[Follower, ...] = ()
     """Joints that move with an actuated one; they are not part of an action."""
+
+    @property
+    def model_name(self) -> str:
+        """Name of its MJCF; `unknown` without one."""
+        head = self.model.files.get("robot.xml", b"")[:4096].decode(errors="replace")
+        named = re.search(r'<mujoco[^>]*\smodel="([^"]+)"', head)
+        return named[1] if named else "unknown"
 
     @property
     def home(self) -> dict[str, float]:

@@ -35,6 +35,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--speed", type=float, default=1.0, help="simulated time per real time (1; 0.5: slow motion at half speed)"
     )
+    parser.add_argument(
+        "--joint-speed", type=float, default=1.0, help="part of the joints' speed limits that the guard lets pass (1)"
+    )
+    parser.add_argument("--tip-force", type=float, help="force on a fingertip in newtons at which the guard stops it")
     parser.add_argument("--port", type=int, default=PORT, help=f"port to listen on ({PORT}; 0: any free one)")
     parser.add_argument(
         "--host", default=LOCAL[0], metavar="ADDRESS", help="address to listen on (127.0.0.1: this machine alone)"
@@ -56,6 +60,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Serve until the session is ended; the address goes to stdout, and at the end the command that replays it."""
+    from dextera_build.artifacts.robots.cell import Limits
     from dextera_build.running import called
     from dextera_build.teleop import live
 
@@ -77,6 +82,7 @@ def run(args: argparse.Namespace) -> int:
             certificate=_certificate(args),
             origins=tuple(args.allow_origin),
             synthetic=args.synthetic,
+            limits=Limits(speed=args.joint_speed, force_n=args.tip_force),
             webcam=_webcam(args),
         )
         ended = live.run(wanted, lambda opened: _opened(args, opened))

@@ -7,9 +7,11 @@ from typing import Protocol
 
 import numpy as np
 
+from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.artifacts.tasks.episode import Episode, Origin, Segment, Start
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.geometry import poses
+from dextera_build.policy.cell import Guard, Stopped
 from dextera_build.policy.observation import Measurement
 from dextera_build.sim.control.ik import UNSOLVED
 from dextera_build.sim.control.operator import Command, GaveUp, Operator, Part, PoseControl, State
@@ -40,13 +42,51 @@ class Driver:
         environment: The task; the driver begins its episodes.
         settle_rad_s: See `PoseControl`.
         apart_m: See `PoseControl`.
+        limits: Limits of a guard that all targets pass, as those of a robot's cell do; None: those of the joints alone.
     """
 
-    def __init__(self, environment: Environment, settle_rad_s: float = np.inf, apart_m: float = 0.0) -> None:
+    def __init__(
+        self,
+        environment: Environment,
+        settle_rad_s: float = np.inf,
+        apart_m: float = 0.0,
+        limits: Limits | None = None,
+    ) -> None:
         self.environment = environment
         robot, rate = environment.bundle.robot, environment.task.control_hz
         self.control, self.noisy = (PoseControl(robot, rate, settle_rad_s, apart_m) for _ in range(2))
         self.watch = Watch(environment)
+        self._feels = limits is not None and limits.force_n is not None
+        self._guard = None if limits is None else Guard(limits, robot, rate, self._places_of_palms)
+
+    def begin(self) -> None:
+        """Follow commands from the environment's present targets on."""
+        for control in (self.control, self.noisy):
+            control.begin(self.environment.previous_action)
+        if self._guard is not None:
+            self._guard.begin(self.environment.previous_action)
+        self.watch.begin()
+
+    def follow(self, command: Command) -> np.ndarray:
+        """Joint targets (A,) for the next control step [rad], which the guard has passed; later ones go on from them.
+
+        Raises:
+            Stopped: The guard stops the robot.
+        """
+        action = self.control.follow(command)
+        if self._guard is None:
+            return action
+        forces = self.environment.contact_forces() if self._feels else np.zeros((0, 3))
+        passed = self._guard.passed(action, forces, 0.0)
+        self.control.begin(passed)
+        return passed
+
+    def _places_of_palms(self, joints: np.ndarray) -> np.ndarray:
+        """Positions (L, 3) of the palms at joints (A,) in the base [m]."""
+        robot = self.environment.bundle.robot
+        arms = self.control.arms(robot.limb_names)
+        names = [joint.name for joint in robot.joints]
+        return np.asarray(arms.poses(joints[[names.index(name) for name in arms.joints]])[:, :3, 3])
 
     def run(
         self,
@@ -72,6 +112,8 @@ class Driver:
             reason = f"the inverse kinematics found no solution in `{run.segment}`"
         except GaveUp as verdict:
             reason = str(verdict)
+        except Stopped as stopped:
+            reason = stopped.message
         if not len(run.recorder):
             run.hold()
         return run.recorder.episode(origin, success=not reason, reason=reason, segments=run.labels.segments())
@@ -105,12 +147,11 @@ class _Run:
 
         Raises:
             GaveUp: The operator finds no plan, or lost the object.
+            Stopped: The guard stopped the robot.
         """
-        driver, environment = self._driver, self._environment
+        driver = self._driver
         self._operator.begin(driver.state())
-        for control in (driver.control, driver.noisy):
-            control.begin(environment.previous_action)
-        driver.watch.begin()
+        driver.begin()
         last: Command | None = None
         while True:
             command = self._operator.command(driver.state()) or last
@@ -137,7 +178,7 @@ class _Run:
             # The label goes on from where the robot was taken to.
             driver.control.begin(driver.noisy.targets)
         self._off = bool(command.off)
-        action = driver.control.follow(command)
+        action = driver.follow(command)
         sent = action
         if command.off or not self._disturbance.is_still:
             sent = driver.noisy.follow(self._disturbance.on(replace(command, aims={**command.aims, **command.off})))

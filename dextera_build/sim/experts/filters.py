@@ -34,15 +34,13 @@ class Filters:
     """Maximum penetration where a hand should touch the object [m]."""
     speed: float = np.inf
     """Maximum measured speed of a joint, as a multiple of its own limit."""
-    acceleration_rad_s2: float = np.inf
-    """Maximum acceleration of the targets sent to an arm's joint [rad/s^2]."""
+    acceleration: float = np.inf
+    """Maximum acceleration of the targets sent to an arm's joint, as a multiple of its own limit."""
     hold_s: float = 0.0
     """Time for which success must last, if the task demands less [s]."""
 
 
-SYNTHESIS = Filters(
-    lag_m=0.02, press_n=2.0, depth_m=0.002, grip_m=0.006, speed=1.1, acceleration_rad_s2=8.5, hold_s=0.5
-)
+SYNTHESIS = Filters(lag_m=0.02, press_n=2.0, depth_m=0.002, grip_m=0.006, speed=1.1, acceleration=1.0, hold_s=0.5)
 """The defaults of `demonstrate.synthesize`, for rehearsals of what the other world replays."""
 SETTLE_RAD_S = 0.08
 """Speed at which redundant joints return to their home in syntheses; a faster return would exceed the limits of
@@ -62,6 +60,7 @@ class Watch:
         joints = environment.bundle.robot.joints
         self._names = [joint.name for joint in joints]
         self._limits = np.array([joint.velocity for joint in joints])
+        self._accelerations = np.array([joint.acceleration for joint in joints])
         self._arm = np.array([joint.group == "arm" for joint in joints])
         self._dofs = np.array([environment.model.joint(ROBOT + name).dofadr[0] for name in self._names])
         self._sent = [np.zeros(len(joints))] * 3
@@ -112,5 +111,5 @@ class Watch:
             return f"joint `{self._names[fast[0]]}` moved faster than its limit in `{segment}`"
         before, last, now = self._sent
         bend = np.abs(now - 2 * last + before) / self._environment.period_s**2
-        bent = np.flatnonzero(self._arm & (bend > limits.acceleration_rad_s2))
+        bent = np.flatnonzero(self._arm & (bend > self._accelerations * limits.acceleration))
         return f"joint `{self._names[bent[0]]}` was accelerated above its limit in `{segment}`" if len(bent) else ""

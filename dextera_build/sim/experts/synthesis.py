@@ -107,6 +107,7 @@ class Synthesis:
         self._limbs, self._object, self._rate = list(robot.limb_names), task.object, task.control_hz
         self._names = [joint.name for joint in robot.joints]
         self._speeds = np.array([joint.velocity for joint in robot.joints])
+        self._accelerations = np.array([joint.acceleration for joint in robot.joints])
         most = manner.filters.speed
         judged = sources if np.isfinite(most) else ()
         self._fast = {each.name for each in judged if each.fastest(self._speeds, self._rate) > most}
@@ -169,9 +170,10 @@ class Synthesis:
         limbs = tuple(commands[0].aims)
         arms = self._control.arms(limbs)
         palms = [np.array([{**each.aims, **each.off}[limb].palm for limb in limbs]) for each in commands]
-        most = SPARE_PERTURBED * self._manner.filters.acceleration_rad_s2
+        most = SPARE_PERTURBED * self._limits([self._names.index(name) for name in arms.joints]).acceleration
         sent = self._joints(arms, palms, 1.0)
-        return bool(accelerations(sent, np.zeros(len(arms.joints)), 1.0 / self._rate).max() <= most)
+        found = accelerations(sent, np.zeros(len(arms.joints)), 1.0 / self._rate)
+        return bool((found <= most).all())
 
     def _adapted(
         self, candidates: Sequence[Source], stage: int, plans: Mapping[str, _Planned]
@@ -315,7 +317,7 @@ class Synthesis:
         if self._control is None:
             return moments(path.least)
         period, arms = 1.0 / self._rate, self._control.arms(path.limbs)
-        limits = self._limits([self._names.index(name) for name in arms.joints])
+        limits = self._spared([self._names.index(name) for name in arms.joints])
         before = self._last[1] if self._last[0] == path.limbs else np.zeros(len(arms.joints))
         shown = self._joints(arms, path.palms[1:], LOOSE)
         least = np.maximum(path.least, self._closing(path))
@@ -356,8 +358,14 @@ class Synthesis:
         return np.asarray(np.concatenate(needed, axis=1).max(axis=1, initial=0.0))
 
     def _limits(self, places: Sequence[int]) -> Limits:
-        most = self._manner.filters.acceleration_rad_s2
-        return Limits(SPARE_SPEED * self._speeds[places], np.full(len(places), SPARE_ACCELERATION * most))
+        """Limits of some joints, beyond which an episode is discarded."""
+        most = self._manner.filters.acceleration
+        return Limits(self._speeds[places], most * self._accelerations[places])
+
+    def _spared(self, places: Sequence[int]) -> Limits:
+        """Limits of some joints, to which motions are slowed."""
+        limits = self._limits(places)
+        return Limits(SPARE_SPEED * limits.speed, SPARE_ACCELERATION * limits.acceleration)
 
     def _joints(self, arms: ArmKinematics, palms: Sequence[np.ndarray] | np.ndarray, loose: float) -> np.ndarray:
         """Joints (N + 1, A) [rad] from the present targets along palms (N, L, 4, 4), at `loose` times their speeds."""

@@ -130,6 +130,8 @@ def _plain(here: Layout, term: Term) -> Channel:
 
 def _picture(here: Layout, name: str, facts: dict[str, Any], known: list[Channel]) -> Channel:
     height, width = facts["shape"][:2]
+    if (facts.get("info") or {}).get("is_depth_map"):
+        raise _other(name, "depth", "colours alone, for these trainers")
     if any(channel.encoding == "picture" for channel in known):
         raise _other(name, "a second camera", "one")
     if here.picture != (height, width):

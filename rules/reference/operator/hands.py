@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts.robots.hand_stream import HandStream, Take
+from dextera_build.artifacts.robots.hand_stream import HandStream, Take, Workplace
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.errors import listing
@@ -110,7 +110,8 @@ def hands(
         end = sum(len(part.wrist) for part in parts[driven[0].side])
         takes.append(Take(first=end - len(moved.wrist), last=end, seed=episode.start.seed))
     motions = {side: smooth.joined(found) for side, found in parts.items()}
-    made = tracked.stream(hand, motions, tuple(takes), options, DEVICE)
+    place = Workplace(task=episodes.task, robot=robot.model_name, joints=episodes.joint_names)
+    made = tracked.stream(hand, motions, tuple(takes), options, DEVICE).model_copy(update={"workplace": place})
     ctx.metric("tip_error", 1000 * float(np.concatenate(off).mean()), "mm")
     ctx.preview(strip(made), "hands from behind and from the right; no person made them")
     ctx.say(", ".join(made.facts()))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
+from dextera_build.artifacts.robots.robot import ACCELERATION
 from dextera_build.rule import Options
 
 from .limbs import GripOptions, LimbOptions, Quaternion, Vector
@@ -70,6 +71,8 @@ class JointNumbers(Options):
     """Upper limit [rad]."""
     velocity_rad_s: PositiveFloat | None = None
     """Maximum speed [rad/s]."""
+    acceleration_rad_s2: PositiveFloat | None = None
+    """Maximum acceleration of targets [rad/s^2]."""
     effort_nm: PositiveFloat | None = None
     """Maximum torque [N m]."""
     stiffness_nm_rad: NonNegativeFloat | None = None
@@ -103,6 +106,9 @@ class ImportedRobotOptions(Options):
     """Joint -> the joint that it follows, in addition to the couplings in the files."""
     velocity_rad_s: PositiveFloat | None = None
     """Maximum speed of joints without one in the file [rad/s]."""
+    acceleration_rad_s2: PositiveFloat = ACCELERATION
+    """Maximum acceleration of the targets of joints that state none, which files do not have [rad/s^2]; as of
+    `simulate.robot`."""
     effort_nm: PositiveFloat | None = None
     """Maximum torque of joints without one in the file [N m]."""
     grips: dict[str, GripOptions] = Field(default_factory=dict)

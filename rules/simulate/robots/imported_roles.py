@@ -66,7 +66,16 @@ def roles(
         drives.append(Drive(name, lower, upper, effort, stiffness, damping))
         group = links[known[name].parent.name]
         joints.append(
-            RobotJoint(name=name, group=group, lower=lower, upper=upper, velocity=speed, effort=effort, home=at)
+            RobotJoint(
+                name=name,
+                group=group,
+                lower=lower,
+                upper=upper,
+                velocity=speed,
+                acceleration=facts.acceleration(name),
+                effort=effort,
+                home=at,
+            )
         )
     home = {joint.name: joint.home for joint in joints}
     home |= {name: ratio * home[leader] + offset for name, (leader, ratio, offset) in led.items()}
@@ -226,6 +235,11 @@ class _Facts:
                 hint=f"`{option}: 2.0` for all joints, or `joints: {{{name}: {{{option}: 2.0}}}}`",
             )
         return known
+
+    def acceleration(self, name: str) -> float:
+        """Maximum acceleration of targets."""
+        own = self._options.joints.get(name)
+        return (own.acceleration_rad_s2 if own is not None else None) or self._options.acceleration_rad_s2
 
     def gains(self, name: str, effort: float) -> tuple[float, float]:
         """Stiffness and damping of the position actuator."""

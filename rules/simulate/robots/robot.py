@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
 
 from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.robots.robot import Follower, Group, RobotJoint, RobotModel
+from dextera_build.artifacts.robots.robot import ACCELERATION, Follower, Group, RobotJoint, RobotModel
 from dextera_build.errors import listing
 from dextera_build.rule import Context, Fraction, Options, rule
 
@@ -58,6 +58,8 @@ class JointOptions(Options):
     """Home position [rad]."""
     velocity_rad_s: PositiveFloat
     """Maximum speed [rad/s]."""
+    acceleration_rad_s2: PositiveFloat | None = None
+    """Maximum acceleration of targets [rad/s^2]; empty: that of the robot."""
     effort_nm: PositiveFloat
     """Maximum torque [N m]."""
     stiffness_nm_rad: NonNegativeFloat
@@ -158,6 +160,10 @@ class RobotOptions(Options):
     """Source of kinematics, masses and limits."""
     colours: dict[str, tuple[Fraction, Fraction, Fraction]]
     """Name -> sRGB 0..1."""
+    acceleration_rad_s2: PositiveFloat = ACCELERATION
+    """Maximum acceleration of the targets of joints that state none, to which motions of arms are slowed [rad/s^2]. By
+    default that of the slowest joint of an LBR iiwa, as measured for Drake's model; say in `source` where yours is
+    from."""
     chains: tuple[ChainOptions, ...]
     """Chains; the first link of the first chain is named `base` and fixed."""
     frames: dict[str, FrameOptions]
@@ -225,7 +231,7 @@ def _inventory(
                 _check_pieces(ctx, name, link, options.colours)
                 links[name] = chain.group
                 if link.joint is not None:
-                    joint = _joint(ctx, mount.prefix, link.joint, chain.group)
+                    joint = _joint(ctx, mount.prefix, link.joint, chain.group, options.acceleration_rad_s2)
                     ctx.check(joint.name not in {*joints, *followers}, f"two joints are called `{joint.name}`")
                     joints[joint.name] = joint
                 if link.follower is not None:
@@ -242,7 +248,7 @@ def _inventory(
     return links, tuple(joints.values()), tuple(followers.values())
 
 
-def _joint(ctx: Context, prefix: str, joint: JointOptions, group: Group) -> RobotJoint:
+def _joint(ctx: Context, prefix: str, joint: JointOptions, group: Group, acceleration: float) -> RobotJoint:
     name = prefix + joint.name
     inside = joint.lower_rad <= joint.home_rad <= joint.upper_rad
     limits = f"{joint.lower_rad:g} to {joint.upper_rad:g} rad"
@@ -253,6 +259,7 @@ def _joint(ctx: Context, prefix: str, joint: JointOptions, group: Group) -> Robo
         lower=joint.lower_rad,
         upper=joint.upper_rad,
         velocity=joint.velocity_rad_s,
+        acceleration=joint.acceleration_rad_s2 or acceleration,
         effort=joint.effort_nm,
         home=joint.home_rad,
     )

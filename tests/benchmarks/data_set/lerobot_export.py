@@ -16,6 +16,7 @@ from dextera_build.formats.h264 import Clip
 from rules.demonstrate import facts, lerobot_features, lerobot_meta, lerobot_pyarrow, lerobot_stats, lerobot_tables
 from rules.demonstrate.lerobot import LerobotOptions
 from rules.demonstrate.lerobot_actions import Actions
+from rules.demonstrate.lerobot_depth import Depths
 from rules.demonstrate.lerobot_videos import videos as opened
 from tests import episodes as made_up
 
@@ -29,7 +30,7 @@ def write(videos: dict[str, Collection[Video]], joints: Collection[Joints], rate
     episodes = _episodes(joints, rate_hz)
     features = lerobot_features.features(episodes, ("rise",))
     words = facts.instruction(bundle, options)
-    rows, stats = lerobot_pyarrow.data(episodes, Actions(bundle), features, words, options, out)
+    rows, stats = lerobot_pyarrow.data(episodes, Actions(bundle), features, words, options, out, Depths(()))
     cameras: dict[str, object] = {}
     for camera, found in videos.items():
         key = f"observation.images.{camera}"

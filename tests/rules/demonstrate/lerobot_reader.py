@@ -22,18 +22,21 @@ NUMBERS = (*SEEN, "action", "timestamp", "index", "episode_index")
 
 
 def main(folder: str, out: str) -> None:
-    """Write every item of the data set, and a window of one in a selection of episodes."""
+    """Write every item of the data set, and a window of the first camera's in a selection of episodes."""
     whole = LeRobotDataset("dextera/test", root=folder, video_backend="pyav")
-    (camera,) = whole.meta.video_keys
+    camera = sorted(whole.meta.video_keys)[0]
     items = [whole[number] for number in range(len(whole))]
     found = {key: np.stack([item[key].numpy() for item in items]) for key in NUMBERS}
-    found["pixels"] = np.stack([item[camera].numpy() for item in items])
+    seen = [name for name, feature in whole.meta.features.items() if feature["dtype"] in ("image", "video")]
+    found |= {f"seen/{name}": np.stack([item[name].numpy() for item in items]) for name in seen}
+    found["pixels"] = found[f"seen/{camera}"]
     found["task"] = np.array([item["task"] for item in items])
     found |= {name: value for name, value in whole.meta.stats["action"].items() if name != "count"}
     period = 1.0 / whole.fps
     wanted = {"action": [0.0, period, 2 * period], camera: [-period, 0.0]}
     # LeRobot up to 0.3 has no windows in a selection: it takes an episode's number for its place in the selection.
-    selected = [1, 3] if str(whole.meta.info["codebase_version"]).startswith("v3") else None
+    windows = str(whole.meta.info["codebase_version"]).startswith("v3") and whole.meta.total_episodes > 3
+    selected = [1, 3] if windows else None
     some = LeRobotDataset("dextera/test", root=folder, video_backend="pyav", episodes=selected, delta_timestamps=wanted)
     last = some[len(some) - 1]
     found |= {"window": last["action"].numpy(), "padding": last["action_is_pad"].numpy()}

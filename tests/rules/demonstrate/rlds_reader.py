@@ -40,7 +40,8 @@ def _undecoded(builder: Any) -> dict[str, np.ndarray]:
     steps = episode["steps"]
     length = tf.shape(steps["action"])[0]
     repeated = {key: tf.repeat(value, length) for key, value in episode["episode_metadata"].items()}
-    picture = tf.io.decode_image(steps["observation"]["image"][0], expand_animations=False)
+    name = min(key for key in steps["observation"] if key.endswith("image"))
+    picture = tf.io.decode_image(steps["observation"][name][0], expand_animations=False)
     found = {"action": steps["action"], "picture": picture, "words": steps["language_instruction"]}
     return {f"undecoded/{key}": _stacked(list(value.numpy())) for key, value in (found | repeated).items()}
 

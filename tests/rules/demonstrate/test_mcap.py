@@ -304,7 +304,7 @@ def test_what_cannot_be_written_is_refused(made: Episodes, tmp_path: Path) -> No
         runner.run("demonstrate.mcap", bundle=bundle, episodes=made, film=less)
     with pytest.raises(RuleError, match="not shot through this view") as refused:
         runner.run("demonstrate.mcap", bundle=bundle, episodes=made, film=film(made), view=episodes.view(32, 24))
-    assert refused.value.facts == {"film": "64 x 48 px", "view": "32 x 24 px"}
+    assert refused.value.facts == {"camera": "workspace", "film": "64 x 48 px", "view": "32 x 24 px"}
 
 
 def test_the_stub_has_as_many_recordings(folder: Folder, made: Episodes, tmp_path: Path) -> None:

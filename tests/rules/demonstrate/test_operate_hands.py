@@ -12,6 +12,7 @@ from dextera_build.artifacts.robots.hand_stream import HandStream, Take
 from dextera_build.artifacts.tasks.episode import Episodes
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError
+from dextera_build.sim.experts import workplace
 from dextera_build.sim.experts.hand_operator import SETTLE_S
 from dextera_build.testing import RuleRunner
 from tests import hand_tasks, task_bundles
@@ -68,6 +69,18 @@ def test_without_a_simulator_there_is_an_episode_per_take(runner: RuleRunner) ->
         "demonstrate.operate", profile="stub", bundle=task_bundles.lift(), recording=stream(20, takes=takes)
     )
     assert (len(made.items), made.attempts) == (2, 2)
+
+
+def test_hands_of_another_robot_are_refused_unless_they_are_meant(runner: RuleRunner) -> None:
+    bundle = task_bundles.lift()
+    place = workplace.of(bundle).model_copy(update={"robot": "another", "joints": ("one",)})
+    given = {"profile": "stub", "bundle": bundle, "recording": stream(20, workplace=place)}
+    with pytest.raises(RuleError, match="the hands were recorded with another robot") as caught:
+        runner.run("demonstrate.operate", **given)
+    assert caught.value.facts["recorded"] == f"{bundle.task.name} with another, 1 joints"
+    made = runner.run("demonstrate.operate", options={"accept_other": ["robot"]}, **given)
+    assert len(made.items) == 1
+    assert any("their operator saw something else" in said for said in runner.outcome.warnings)
 
 
 @pytest.mark.slow

@@ -172,6 +172,9 @@ def test_an_observation_that_the_task_does_not_give_is_refused(project: Path, da
     assert error.code == "DXB-B530"
     assert "observation.images.wrist" in error.message
     assert error.facts == {"data set": "64 x 48 px", "task": "no view"}
+    info["features"]["observation.images.wrist"] |= {"dtype": "image", "info": {"is_depth_map": True}}
+    error = refused(project, Folder(files={**data.files, "meta/info.json": json.dumps(info).encode()}))
+    assert error.facts == {"data set": "depth", "task": "colours alone, for these trainers"}
 
 
 @pytest.mark.medium

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.robots.robot import ACCELERATION, RobotModel
 from dextera_build.errors import RuleError
 from dextera_build.sim.model import compose
 from dextera_build.sim.model import robot as robots
@@ -325,6 +325,15 @@ def test_names_of_parts_must_differ(tmp_path):
     error = refused(tmp_path, both(), parts=parts)
     assert "`flange` carries a part" in error.message
     assert "tool0" in error.facts["links"]
+
+
+def test_a_joint_has_the_acceleration_that_the_recipe_states(tmp_path):
+    parts = [{"file": f"arm/{URDF}"}, {"file": "hand/hand.xml", "prefix": "h_", "on": "tool0"}]
+    given = {"parts": parts, "hand": ["h_palm"], "velocity_rad_s": 3.0}
+    assert {joint.acceleration for joint in made(tmp_path, both(), **given).joints} == {ACCELERATION}
+    own = {"acceleration_rad_s2": 4.0, "joints": {"elbow": {"acceleration_rad_s2": 6.0}}}
+    found = {joint.name: joint.acceleration for joint in made(tmp_path, both(), **given, **own).joints}
+    assert (found["shoulder"], found["elbow"]) == (4.0, 6.0)
 
 
 def test_it_stands_in_a_scene_and_holds_its_home(tmp_path):

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from dextera_build.artifacts.robots.robot import ACCELERATION
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 
@@ -59,6 +60,18 @@ def test_each_mount_gets_its_own_copy(tmp_path: Path) -> None:
     assert robot.links == {"base": "arm", "left_bob": "hand", "right_bob": "hand"}
     assert runner.outcome.metrics["mass"] == (3.0, "kg")
     assert runner.encode(robot) == runner.encode(runner.run("simulate.robot", options=PENDULUM))
+
+
+def test_a_joint_has_the_acceleration_that_it_or_the_robot_states(tmp_path: Path) -> None:
+    runner = RuleRunner(tmp_path)
+
+    def found(options: dict[str, Any]) -> set[float]:
+        return {joint.acceleration for joint in runner.run("simulate.robot", options=options).joints}
+
+    slow = PENDULUM | {"acceleration_rad_s2": 3.0}
+    assert found(PENDULUM) == {ACCELERATION}
+    assert found(slow) == {3.0}
+    assert found(pendulum((*BOB, "joint", "acceleration_rad_s2"), 4.0) | {"acceleration_rad_s2": 3.0}) == {4.0}
 
 
 BOB: tuple[str | int, ...] = ("chains", 1, "links", 0)

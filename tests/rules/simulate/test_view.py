@@ -81,6 +81,28 @@ def test_a_shift_moves_the_camera_and_does_not_turn_it(tmp_path: Path) -> None:
     assert np.array_equal(moved.camera_pose.matrix[:3, :3], still.camera_pose.matrix[:3, :3])
 
 
+@pytest.mark.parametrize("angle_deg", [-90.0, 60.0, 180.0])
+def test_a_camera_turned_about_what_it_looks_at_sees_it_in_the_same_place(
+    one_runner: RuleRunner, angle_deg: float
+) -> None:
+    made = one_runner.run("simulate.view", options={"orbit_deg": angle_deg}, scene=SCENE)
+    eye, axis = POSE[:3, 3], POSE[:3, 2]
+    centre = np.append(eye - axis * eye[2] / axis[2], 1.0)
+    before, after = (np.linalg.inv(pose) @ centre for pose in (POSE, made.camera_pose.matrix))
+    np.testing.assert_allclose(after, before, atol=1e-12)
+    assert made.camera_pose.matrix[2, 3] == pytest.approx(eye[2])
+    arms = [pose[:2, 3] - centre[:2] for pose in (POSE, made.camera_pose.matrix)]
+    (x, y), (there_x, there_y) = arms
+    turned = np.degrees(np.arctan2(x * there_y - y * there_x, np.dot(*arms)))
+    assert np.cos(np.radians(turned - angle_deg)) == pytest.approx(1.0)
+
+
+def test_a_camera_that_does_not_look_down_cannot_be_turned_about_a_point(one_runner: RuleRunner) -> None:
+    options = {"eye_m": (0.5, -0.8, 0.2), "target_m": (0.1, 0.2, 0.4), "orbit_deg": 60}
+    with pytest.raises(RuleError, match="looks at no point of the support"):
+        one_runner.run("simulate.view", options=options, scene=SCENE)
+
+
 def test_an_error_of_the_calibration_is_one_of_the_camera(one_runner: RuleRunner) -> None:
     camera_from_base = transforms.invert(POSE) @ factories.pose(0.2, 0.4, 0.0, yaw=0.3)
     covariance = np.diag([1e-6, 4e-6, 9e-6, 1e-5, 1e-5, 1e-5])
@@ -105,5 +127,5 @@ def test_an_error_of_the_calibration_is_one_of_the_camera(one_runner: RuleRunner
 def test_only_the_photograph_s_camera_says_that_it_is_that_one(one_runner: RuleRunner) -> None:
     assert one_runner.run("simulate.view", scene=SCENE).photographed
     placed = {"eye_m": (0.5, -0.8, 0.9), "target_m": (0.1, 0.2, 0.05)}
-    for options in (placed, {"shift_m": (0.02, 0.0, 0.0)}):
+    for options in (placed, {"shift_m": (0.02, 0.0, 0.0)}, {"orbit_deg": 60}):
         assert not one_runner.run("simulate.view", options=options, scene=SCENE).photographed

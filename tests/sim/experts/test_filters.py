@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.robots.robot import ACCELERATION
 from dextera_build.artifacts.tasks.episode import Episode
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.geometry import poses
@@ -20,7 +21,7 @@ from dextera_build.sim.runtime.environment import Environment
 from tests import gantry, task_bundles
 from tests.gantry import LIFT, OPEN, SHUT, Move
 
-STRICT = Filters(press_n=2.0, depth_m=0.002, speed=1.1, acceleration_rad_s2=10.0, hold_s=0.5)
+STRICT = Filters(press_n=2.0, depth_m=0.002, speed=1.1, acceleration=10.0 / ACCELERATION, hold_s=0.5)
 BOX, HALF = task_bundles.BOX_M, task_bundles.HALF_M
 
 

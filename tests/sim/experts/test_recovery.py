@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.robots.robot import ACCELERATION
 from dextera_build.artifacts.tasks.episode import Episode
 from dextera_build.sim.experts import synthesis
 from dextera_build.sim.experts.drive import Driver
@@ -17,7 +18,7 @@ from dextera_build.sim.experts.synthesis import Manner
 from dextera_build.sim.runtime.environment import Environment
 from tests import gantry, task_bundles
 
-STRICT = Filters(press_n=2.0, depth_m=0.002, grip_m=0.006, speed=1.1, acceleration_rad_s2=8.5, hold_s=0.5)
+STRICT = Filters(press_n=2.0, depth_m=0.002, grip_m=0.006, speed=1.1, acceleration=1.0, hold_s=0.5)
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +64,7 @@ def test_a_perturbation_that_the_arm_cannot_follow_is_made_smaller(
     driver: Driver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     far = Recovery(share=1.0, position_m=0.12, rotation_rad=0.0)
-    monkeypatch.setattr("tests.sim.experts.test_recovery.STRICT", replace(STRICT, acceleration_rad_s2=2.0))
+    monkeypatch.setattr("tests.sim.experts.test_recovery.STRICT", replace(STRICT, acceleration=2.0 / ACCELERATION))
     episode = made(driver, far)
     assert episode.success, episode.reason
     assert "perturb" in {segment.name for segment in episode.segments}

@@ -11,10 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dextera_build.artifacts.tasks.episode import Episode
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.geometry import transforms
 from dextera_build.sim.control.operator import FREE, GaveUp, Part
 from dextera_build.sim.experts import synthesis
 from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.experts.filters import SETTLE_RAD_S, SYNTHESIS
+from dextera_build.sim.experts.noise import Noise
 from dextera_build.sim.experts.paths import Path
 from dextera_build.sim.experts.retime import Limits, accelerations, durations, moments, pose_at, slower
 from dextera_build.sim.experts.sources import sources_of
@@ -78,6 +81,33 @@ def test_what_is_sent_is_measured_and_slowed_near_where_it_is_too_much() -> None
     longer = slower(np.ones(10), np.array([4.0, 5.0]), np.array([1.0, 1.3]))
     assert longer[1:9] == pytest.approx(1.3)
     assert longer[0] == longer[9] == 1.0
+
+
+def slowed(joint: str, acceleration: float) -> TaskBundle:
+    """The gantry's task, in which one joint states its own acceleration."""
+    bundle = task_bundles.lift(reset=gantry.RESET)
+    joints = tuple(
+        each.model_copy(update={"acceleration": acceleration}) if each.name == joint else each
+        for each in bundle.robot.joints
+    )
+    task = bundle.task.model_copy(update={"timeout_s": 20.0})
+    return bundle.model_copy(update={"robot": bundle.robot.model_copy(update={"joints": joints}), "task": task})
+
+
+@pytest.mark.medium
+def test_each_joint_is_slowed_to_the_acceleration_that_its_robot_states() -> None:
+    most, sources = 0.6, gantry.demonstrations(task_bundles.lift(reset=gantry.RESET), 2)
+    found = {}
+    for name, bundle in (("z", slowed("z", most)), ("all", task_bundles.lift(reset=gantry.RESET))):
+        driver = Driver(Environment(bundle), SETTLE_RAD_S)
+        manner = Manner(noise=Noise(), filters=SYNTHESIS)
+        made = synthesis.synthesise(driver, sources, driver.environment.draw(3), 3, manner)
+        assert made.success, made.reason
+        sent = np.vstack([made.action[:1], made.action]).astype(np.float64)
+        found[name] = accelerations(sent, np.zeros(sent.shape[1]), driver.environment.period_s).max(axis=0)
+    # The third joint of the gantry is its height.
+    assert found["z"][2] <= most + 1e-3
+    assert found["all"][2] > 1.0
 
 
 @pytest.fixture(scope="module")

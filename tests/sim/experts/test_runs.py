@@ -62,7 +62,7 @@ def demonstration(segments: tuple[Segment, ...], meets: bool) -> Episode:
 
 def operated(shown: Episode, objects: Mapping[int, np.ndarray]) -> list[Command]:
     """Commands with the box at a pose from a step on."""
-    joints = [SimpleNamespace(name=name, velocity=1.0) for name in ("a", "b", "c", "d")]
+    joints = [SimpleNamespace(name=name, velocity=1.0, acceleration=8.5) for name in ("a", "b", "c", "d")]
     limbs = {"left": SimpleNamespace(hand=("a", "b")), "right": SimpleNamespace(hand=("c", "d"))}
     environment = SimpleNamespace(
         bundle=SimpleNamespace(robot=SimpleNamespace(limb_names=LIMBS, joints=joints, limbs=limbs)),
