@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from dextera_build.cli import options
+from dextera_build.cli.project import written
 from dextera_build.cli.table import writing
 from dextera_build.errors import UsageError
 
@@ -29,7 +30,8 @@ def run(args: argparse.Namespace) -> int:
     if node:
         raise UsageError(f"`{args.name}` is a node", code="DXB-U217", hint=f"`dxb new task {session.recipe}`")
     name = session.recipe.rpartition("/")[2]
-    out = Path(args.out) if args.out else session.project.root / "recipes" / "task" / f"{name}_tasks.yaml"
+    place = session.project.root.absolute() / "recipes" / "task" / f"{name}_tasks.yaml"
+    out = Path(args.out) if args.out else place
     if out.exists():
         raise UsageError(f"`{out}` exists already", code="DXB-U191", hint="`-o FILE` writes to another file")
     recipe = session.project.recipe(session.recipe)
@@ -55,8 +57,8 @@ def run(args: argparse.Namespace) -> int:
     print(session.project.shown(out.absolute()))
     for task in task_file.tasks(library, assets):
         print(f"  {task.proposal.name}: {task.primitive} `{task.object}`")
-    built = f"dxb build task/{out.stem}"
-    print(f"  keep the tasks that you want, check every marked guess, then: {built}", file=sys.stderr)
+    made, first = written.address(session.project, out, place)
+    print(f"  {first}keep the tasks that you want, check every marked guess, then: dxb build {made}", file=sys.stderr)
     print(
         "  a recipe that `extends: task/line` makes demonstrations and policies of one: docs/tasks.md", file=sys.stderr
     )
