@@ -11,6 +11,7 @@ from dextera_build.cli import options
 from dextera_build.cli.project import written
 from dextera_build.cli.table import writing
 from dextera_build.errors import UsageError
+from dextera_build.project.planning import refuse_unknown
 
 _ROBOT = "robot/kuka_leap"
 _ASSET = re.compile(r"body\[(.+)\]\.asset")
@@ -34,6 +35,7 @@ def run(args: argparse.Namespace) -> int:
     out = Path(args.out) if args.out else place
     if out.exists():
         raise UsageError(f"`{out}` exists already", code="DXB-U191", hint="`-o FILE` writes to another file")
+    refuse_unknown(session.project, session.recipe)
     recipe = session.project.recipe(session.recipe)
     missing = [each for each in ("scene", "body", "ground") if recipe is None or each not in recipe.nodes]
     if missing:
