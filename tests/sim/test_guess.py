@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from dextera_build.errors import RuleError
 from dextera_build.geometry import quaternions
 from dextera_build.sim.model.imported import guess
 from dextera_build.sim.model.imported.source import Source
@@ -139,6 +140,28 @@ def test_legs_are_no_arms():
     assert made.hand == ["left_palm", "right_palm"]
     assert len(made.still) == 12
     assert "j_left_knee_link" in made.still
+
+
+@pytest.mark.parametrize(
+    "names", [("fl_hip", "fl_uleg", "fl_lleg"), ("FR_leg", "upper_1", "lower_1"), ("l_shank_pitch",)]
+)
+def test_a_robot_of_legs_alone_has_no_hand(names):
+    found, root = source()
+    for number in range(4):
+        chain(link(root, f"mount_{number}"), [f"{name}_{number}" for name in names])
+    with pytest.raises(RuleError, match=r"no arm or hand: its moving links are legs, mount_0, mount_1, "):
+        guess.roles(found, "root")
+
+
+def test_a_walking_robot_has_the_arm_on_its_back():
+    found, root = source()
+    for side in ("fl", "fr", "hl", "hr"):
+        chain(root, [f"{side}_hip", f"{side}_uleg", f"{side}_lleg"])
+    link(arm(root), "arm_link_fngr", "arm_f1x")
+    made = guess.roles(found, "root")
+    assert links(made) == {"flange": "link7", "palm": "link7", "tip_fixed": "link7", "tip_jaw": "arm_link_fngr"}
+    assert made.grippers["arm"][0] == "arm_f1x"
+    assert len(made.still) == 12
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from dextera_build.errors import RuleError, listing
 from dextera_build.sim.model.imported import hands, home, limbs
 from dextera_build.sim.model.imported.hands import Shape, Spot
 from dextera_build.sim.model.imported.source import Source
@@ -59,9 +60,16 @@ class Guess:
 
 
 def roles(source: Source, root: str) -> Guess:
-    """Arms, hands, flanges, palms and fingertips below a link, whose name in the model is `base`."""
+    """Arms, hands, flanges, palms and fingertips below a link, whose name in the model is `base`.
+
+    Raises:
+        RuleError: All that moves is legs.
+    """
     found = Guess()
     branches = limbs.branches_of(source.spec.body(root))
+    if not branches:
+        legs = listing((body.name for body in limbs.moving(source.spec.body(root))), most=8)
+        raise RuleError(f"the robot has no arm or hand: its moving links are legs, {legs}", code="DXB-B217")
     sides = _sides(branches)
     shape = Shape(source.spec, source.mimics)
     for branch, side in zip(branches, sides, strict=True):
