@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from dextera_build.cli import options, streams, table
 from dextera_build.cli.build import expected
 from dextera_build.errors import DxbError, RuleError, StaleError, UsageError, listing
+from dextera_build.project import own
 from dextera_build.recipe.expect import STAND_INS
 from dextera_build.report.wording import count
 
@@ -80,10 +81,7 @@ def run(args: argparse.Namespace) -> int:
 
 def recipes(project: Project, *, bundled: bool) -> list[str]:
     """The project's own recipes; with `bundled`, or if it has none, dxb's too."""
-    known, own = list(project.recipes()), project.recipe_folders()[0]
-    return [address for address, file in known if not bundled and file.is_relative_to(own)] or [
-        address for address, _ in known
-    ]
+    return (own.recipes(project) if not bundled else []) or [address for address, _ in project.recipes()]
 
 
 def _check(args: argparse.Namespace, target: str, project: Project, row: dict[str, Any]) -> None:

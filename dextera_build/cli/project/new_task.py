@@ -62,6 +62,8 @@ def run(args: argparse.Namespace) -> int:
     made, first = written.address(session.project, out, place)
     print(f"  {first}keep the tasks that you want, check every marked guess, then: dxb build {made}", file=sys.stderr)
     print(
-        "  a recipe that `extends: task/line` makes demonstrations and policies of one: docs/tasks.md", file=sys.stderr
+        "  to record demonstrations and train a policy, put one of them into a recipe with `extends: task/line`; "
+        "`dxb plan task/line` lists its steps and the inputs that it needs",
+        file=sys.stderr,
     )
     return 0
