@@ -46,7 +46,7 @@ def fingers(palm: Any, names: list[str], length: int) -> None:
 
 def slides(palm: Any, limits: tuple[float, float], axes: Mapping[str, float]) -> None:
     """Fingers of 60 x 10 x 20 mm that slide along y by `axes`, their inner sides 10 mm from the middle at 0."""
-    for name, (side, axis) in zip(axes, ((1, axes["left"]), (-1, axes["right"])), strict=True):
+    for name, (side, axis) in zip(axes, zip((1, -1), axes.values(), strict=True), strict=True):
         body = palm.add_body(name=name, pos=[0, side * 0.015, 0.05])
         body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.01, 0.005, 0.03], pos=[0, 0, 0.03], mass=0.1, contype=0)
         body.add_joint(name=f"j_{name}", type=SLIDE, axis=[0, axis, 0], limited=True, range=limits)
@@ -114,6 +114,26 @@ def test_two_arms_have_a_side_each():
     assert known["left_flange"] == "left_link7"
     assert known["right_tip_outer"] == known["tip_outer"] == "right_outer_0"
     assert len(known) == 12
+
+
+@pytest.mark.medium
+def test_fingers_of_two_arms_are_called_left_and_right():
+    found, root = source()
+    for side in ("left/", "right/"):
+        slides(arm(root, side), (0.0, 0.04), {f"{side}{name}": axis for name, axis in (("left", 1), ("right", -1))})
+    made = links(guess.roles(found, "root"))
+    for side in ("left", "right"):
+        assert made[f"{side}_tip_left"] == f"{side}/left"
+        assert made[f"{side}_tip_right"] == f"{side}/right"
+
+
+def test_the_only_joint_of_a_file_moves_a_jaw():
+    found, root = source()
+    link(chain(root, ["stator"], joints=False), "mover", "turn")
+    made = guess.roles(found, "root")
+    assert links(made) == {"flange": "stator", "palm": "stator", "tip_fixed": "stator", "tip_jaw": "mover"}
+    assert made.grippers["arm"][0] == "turn"
+    assert made.frames["palm"].why.startswith("joint `turn` is the only one")
 
 
 def test_wheels_and_a_head_are_no_part_of_the_arm():

@@ -48,7 +48,7 @@ def _walk(top: Any, body: Any, above: int, others: list[Any]) -> Iterator[Branch
         inner = [each for each in moving(body) if not _is_leg(each)]
         others = [*others, *(each for each in moving(body) if each not in inner)]
         if not inner:
-            yield _ended(top, body, others)
+            yield _ended(top, body, above, others)
             return
         if len(inner) > 1:
             deep = [each for each in inner if depth(each) >= FEWEST]
@@ -64,11 +64,11 @@ def _walk(top: Any, body: Any, above: int, others: list[Any]) -> Iterator[Branch
         body = inner[0]
 
 
-def _ended(top: Any, body: Any, others: list[Any]) -> Branch:
-    """A chain that does not branch: its last link is a jaw if its name or its joint's says so."""
+def _ended(top: Any, body: Any, above: int, others: list[Any]) -> Branch:
+    """A chain that does not branch: its last link is a jaw if its name or its joint's says so, or it alone moves."""
     joints = list(body.joints)
     names = [body.name, *(joint.name for joint in joints)]
-    if joints and body is not top and any(map(_JAW.search, names)):
+    if joints and body is not top and (above == 1 or any(map(_JAW.search, names))):
         return Branch(top, body.parent, [body], others)
     return Branch(top, last(body), [], others)
 
