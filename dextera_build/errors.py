@@ -161,20 +161,26 @@ def install_extra(extra: str) -> str:
     return f"`pip install -e '.[{extra}]'` in the clone of dxb, or `pip install 'WHEEL[{extra}]'`"
 
 
-def smallest_extra(distributions: Iterable[str]) -> str:
-    """The extra of dxb with the fewest packages that has all of these distributions; `all` if none has."""
+def extras_of_dxb() -> dict[str, set[str]]:
+    """Extra -> the distributions that it names; empty if dxb runs from its folder without being installed."""
     import importlib.metadata
     import re
 
     extras: dict[str, set[str]] = {}
     try:
         declared = importlib.metadata.requires("dextera-build") or []
-    except importlib.metadata.PackageNotFoundError:  # run from its folder
+    except importlib.metadata.PackageNotFoundError:
         declared = []
     for line in declared:
         found = re.match(r"([\w.-]+).*extra == ['\"]([\w-]+)['\"]", line)
         if found:
             extras.setdefault(found[2], set()).add(found[1].lower().replace("_", "-"))
+    return extras
+
+
+def smallest_extra(distributions: Iterable[str]) -> str:
+    """The extra of dxb with the fewest packages that has all of these distributions; `all` if none has."""
+    extras = extras_of_dxb()
     wanted = {each.lower().replace("_", "-") for each in distributions}
     fitting = [extra for extra, packages in extras.items() if wanted <= packages]
     return min(fitting, key=lambda extra: (len(extras[extra]), extra), default="all")

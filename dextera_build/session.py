@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest as digests
 from dextera_build.errors import DxbError, RuleError, UsageError, did_you_mean, listing
-from dextera_build.project.planning import Added, Planning
+from dextera_build.project.planning import Added, Planning, refuse_unknown
 from dextera_build.project.project import LOCK, Project
 from dextera_build.redact import redact
 from dextera_build.runs.snapshot import LAST
@@ -221,11 +221,12 @@ class Session:
         """The history entry of a node; that of the store's result if only recipes that use this one have built it.
 
         Raises:
-            UsageError: The node was never built.
+            UsageError: There is no such recipe, or the node was never built.
         """
         if node not in self.history and (found := self._used(node)) is not None:
             self.history[node] = found
         if node not in self.history:
+            refuse_unknown(self.project, self.recipe)
             known = sorted(self.history)
             raise UsageError(
                 f"`{self.recipe}:{node}` was never built here",

@@ -15,7 +15,7 @@ from dextera_build.artifacts.core.field_docs import bounds, field_docs
 from dextera_build.code.loader import BackendFile, Library, RuleFile
 from dextera_build.recipe.folders import every, kind_of
 from dextera_build.recipe.kinds import type_name
-from dextera_build.recipe.limits import largest
+from dextera_build.recipe.limits import of_unit
 
 Row = dict[str, str]
 
@@ -134,6 +134,7 @@ def narrow(rows: list[Row]) -> list[Row]:
 def _value(row: Row) -> Iterator[str]:
     unit = re.search(r"\[([^\[\]]+)\]", row["meaning"]) if row["kind"] == "option" else None
     yield from filter(None, [row["type"]])
+    yield from filter(None, [row["default"]] if row["kind"] == "input" else [])
     if row["kind"] == "option" and row["default"]:
         has_unit = unit is not None and row["default"] != "required"
         yield f"= {row['default']}{f' {unit[1]}' if has_unit and unit else ''}"
@@ -168,8 +169,8 @@ def options(kind: type[BaseModel], prefix: str = "") -> Iterator[Option]:
 
 
 def _bounds(name: str, field: FieldInfo) -> str:
-    """Declared bounds, and the upper limit that planning adds to a number without one."""
-    limit = largest(name, field) if re.search(r"\b(int|float)\b", str(field.annotation)) else None
+    """Declared bounds, and the upper limit that planning adds to a quantity with a unit that has none."""
+    limit = of_unit(name, field) if re.search(r"\b(int|float)\b", str(field.annotation)) else None
     return ", ".join([*filter(None, [bounds(field)]), *([f"<= {limit:g}"] if limit is not None else [])])
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from dextera_build.errors import UsageError
-from dextera_build.project.planning import Added
+from dextera_build.project.planning import Added, refuse_unknown
 from dextera_build.project.project import Project
 from dextera_build.session import Session, notices, reading
 
@@ -36,7 +36,7 @@ def find(project: Project, text: str | None) -> tuple[str, Events]:
     """The events of a run named by its id, of the last run of a recipe, or of the last run.
 
     Raises:
-        UsageError: There is none.
+        UsageError: There is none, or no recipe of this name.
     """
     from dextera_build.project.workspace import workspace
     from dextera_build.runs import log, workspaces
@@ -45,6 +45,8 @@ def find(project: Project, text: str | None) -> tuple[str, Events]:
     known = list(log.runs(store))
     run = text if text in known else log.latest(store, text, workspace=workspaces.mark(workspace(project)))
     if run is None:
+        if text and not text.isdecimal():  # ids of runs are numbers
+            refuse_unknown(project, text)
         what = f"of `{text}` " if text else ""
         raise UsageError(f"no run {what}is logged here", code="DXB-U112", hint="`dxb ls runs`, or `dxb build RECIPE`")
     return run, log.read(store, run)

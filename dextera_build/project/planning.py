@@ -132,6 +132,12 @@ def _note(watch: Watch, plan: Plan, looked_at: Iterable[str]) -> None:
     note_absent(plan, watch)
 
 
+def refuse_unknown(project: Project, name: str) -> None:
+    """Raise `no_recipe` if no recipe has this address; for verbs that read without planning."""
+    if project.recipe(name) is None:
+        raise no_recipe(project, name)
+
+
 def no_recipe(project: Project, name: str) -> UsageError:
     """The error for a recipe that does not exist."""
     known = [address for address, _ in project.recipes()]

@@ -34,13 +34,23 @@ _UNKNOWN = 1e6
 """Largest number without a unit whose default is 0 or missing."""
 
 
+def of_unit(name: str, field: FieldInfo) -> float | None:
+    """`largest` if a unit gives it; a limit on counts, seeds and plain numbers is none that a user could come near."""
+    unit = _unit(name)
+    return largest(name, field) if unit in _MOST and unit != "seed" else None
+
+
+def _unit(name: str) -> str:
+    return "_".join([*takewhile(_UNITS.__contains__, reversed(name.split("_")))][::-1])
+
+
 def largest(name: str, field: FieldInfo) -> float | None:
     """The largest absolute value of a numeric option; None if it declares an upper bound of its own."""
     if "<" in bounds(field):
         return None
     given = _numbers(field.get_default(), ())
     default = max((abs(number) for _, number in given if not isinstance(number, BaseModel)), default=0.0)
-    unit = "_".join([*takewhile(_UNITS.__contains__, reversed(name.split("_")))][::-1])
+    unit = _unit(name)
     if unit in _MOST:
         return _MOST[unit] if unit in _WHOLE or not default else min(_MOST[unit], _SLIP * default)
     if re.search(r"\bint\b", str(field.annotation)):

@@ -200,7 +200,7 @@ class _Planner:
                 scope.names[name] = bound[name]
             elif text is not None:
                 where = of_input(name, text) if name in given else decl.place
-                scope.names[name] = self._value(text, where, name in given)
+                scope.names[name] = self._value(text, where, name in given, decl.help)
             elif decl.optional:
                 scope.names[name] = Bound(None, lambda: type(None))
             else:
@@ -288,7 +288,7 @@ class _Planner:
         self._effects.pop()
         return found
 
-    def _value(self, text: str, where: Place, from_cli: bool) -> Bound:
+    def _value(self, text: str, where: Place, from_cli: bool, needed: str = "") -> Bound:
         """Resolve an input's text: a target of another recipe (`robot/kuka_leap`, `reference/x:capture`) or a path."""
         address, _, target = text.partition(":")
         path = self._path(text, where, from_cli)
@@ -300,8 +300,10 @@ class _Planner:
                 f"`{text}` is neither a file nor a recipe",
                 code="DXB-R301",
                 where=where,
-                facts={"looked for": str(path)},
-                hint="`--input NAME=PATH` starts from the current folder, a recipe's own paths from the project",
+                facts={"looked for": str(path), **({"needed": needed} if needed else {})},
+                hint="`--input NAME=PATH` starts from the current folder"
+                if from_cli
+                else "put it there, or name another one: `--input NAME=PATH`",
             )
         return Bound(Leaf(path, where), lambda: _leaf_type(kind))
 

@@ -118,14 +118,20 @@ class Recipe:
     def over(self, base: Recipe) -> Recipe:
         """This recipe merged over `base`: its own declarations win, and a node may replace an input."""
         inputs = {name: decl for name, decl in base.inputs.items() if name not in self.nodes}
+        own = {name: self._described(decl, inputs.get(name)) for name, decl in self.inputs.items()}
         return replace(
             self,
-            inputs={**inputs, **self.inputs},
+            inputs={**inputs, **own},
             nodes={**base.nodes, **self.nodes},
             targets={**base.targets, **self.targets},
             files=(*self.files, *base.files),
             fallback=base.fallback if self.fallback is None else self.fallback,
         )
+
+    @staticmethod
+    def _described(decl: InputDecl, base: InputDecl | None) -> InputDecl:
+        """An input that gives a value alone keeps the help of the one that it replaces."""
+        return decl if decl.help or base is None else replace(decl, help=base.help)
 
 
 def read(file: Path, address: str, shown: str | None = None) -> Recipe:

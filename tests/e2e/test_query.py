@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import xml.etree.ElementTree as ET
+from pathlib import Path
 
 import pytest
 
@@ -140,3 +141,44 @@ def test_the_trace_of_a_run(asked: Space) -> None:
     assert json.loads((asked.root / "trace.json").read_text())["otherData"]["run"] == "0001"
     assert asked.dxb("show", "--trace", "-o", "no/such/folder/x").code == 2
     assert asked.dxb("show", "--trace", "say/nothing").code == 2
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("plan", "say/nothing"),
+        ("why", "say/nothing:x"),
+        ("show", "say/nothing"),
+        ("show", "say/nothing:x"),
+        ("ls", "say/nothing"),
+        ("view", "say/nothing"),
+        ("view", "say/nothing:x"),
+        ("get", "say/nothing:x"),
+        ("report", "say/nothing"),
+        ("log", "say/nothing"),
+        ("new", "task", "say/nothing"),
+        ("check", "say/nothing"),
+    ],
+)
+def test_every_verb_says_that_a_recipe_does_not_exist(asked: Space, words: tuple[str, ...]) -> None:
+    answer = asked.dxb(*words)
+    assert (answer.code, answer.out) == (2, "")
+    assert "error[DXB-U108]: no recipe is called `say/nothing`" in answer.err
+
+
+def test_a_recipe_that_was_never_built_is_no_scene_without_parts(asked: Space) -> None:
+    answer = asked.dxb("view", "robot/kuka_leap")
+    assert answer.code == 2
+    assert "error[DXB-U113]: `robot/kuka_leap` was never built here" in answer.err
+    assert "hint: `dxb build robot/kuka_leap`" in answer.err
+
+
+def test_a_new_project_says_where_its_photograph_is_missing(tmp_path: Path) -> None:
+    space = Space(tmp_path)
+    assert space.dxb("init", ".").code == 0
+    name = next((tmp_path / "recipes/twin").iterdir()).stem
+    answer = space.dxb("plan", f"twin/{name}")
+    assert answer.code == 2
+    assert f"looked for: {tmp_path / 'capture'}" in answer.err
+    assert "a folder with rgb.png, capture.json" in answer.err
+    assert "put it there, or name another one: `--input NAME=PATH`" in answer.err

@@ -7,7 +7,10 @@ import shlex
 
 import pytest
 
-from dextera_build.project.project import Project
+from dextera_build.cli import streams
+from dextera_build.cli.build import check
+from dextera_build.project.project import Project, find
+from dextera_build.session import Session
 from tests.e2e.space import Space
 from tests.e2e.test_bad_captures import write_capture
 
@@ -126,6 +129,33 @@ def test_init_new_and_check_make_a_project_that_builds(tmp_path, space):
     assert "toy.bright" in space.dxb("ls", "rules").out
     (space.root / "capture").mkdir()
     assert "twin/fresh\tsound" in space.dxb("check", "twin/fresh").out
+
+
+def test_check_without_a_recipe_checks_those_of_the_project_one_by_one(space, monkeypatch):
+    answer = space.dxb("check")
+    found = [line.partition("\t")[0] for line in answer.out.splitlines()]
+    own = sorted(file.stem for file in (space.root / "recipes/say").glob("*.yaml"))
+    assert answer.code == 0, answer.err
+    assert sorted(found) == [f"say/{name}" for name in own]
+    assert space.dxb("check", "--all", found[0]).code == 2
+    project = find(space.root)
+    assert check.recipes(project, bundled=False) == found
+    everything = check.recipes(project, bundled=True)
+    assert {*found, "twin/tabletop", "robot/panda"} < set(everything)
+
+    space.write("recipes/say/aa.yaml", (space.root / f"recipes/{found[0]}.yaml").read_text())
+    inner = Session.plan
+
+    def plan(session, **options):
+        if session.recipe == found[0]:
+            raise streams.Terminated
+        return inner(session, **options)
+
+    monkeypatch.setattr(Session, "plan", plan)
+    stopped = space.dxb("check")
+    assert stopped.code == streams.TERMINATED
+    assert stopped.out.startswith("say/aa\tsound")
+    assert stopped.err == f"interrupted after 1 check of {len(found) + 1}\n"
 
 
 def test_check_builds_a_node_again_and_compares(built):

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from dextera_build.errors import RuleError
 from dextera_build.geometry import quaternions
 from dextera_build.sim.model.imported import guess
 from dextera_build.sim.model.imported.source import Source
@@ -45,7 +46,7 @@ def fingers(palm: Any, names: list[str], length: int) -> None:
 
 def slides(palm: Any, limits: tuple[float, float], axes: Mapping[str, float]) -> None:
     """Fingers of 60 x 10 x 20 mm that slide along y by `axes`, their inner sides 10 mm from the middle at 0."""
-    for name, (side, axis) in zip(axes, ((1, axes["left"]), (-1, axes["right"])), strict=True):
+    for name, (side, axis) in zip(axes, zip((1, -1), axes.values(), strict=True), strict=True):
         body = palm.add_body(name=name, pos=[0, side * 0.015, 0.05])
         body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.01, 0.005, 0.03], pos=[0, 0, 0.03], mass=0.1, contype=0)
         body.add_joint(name=f"j_{name}", type=SLIDE, axis=[0, axis, 0], limited=True, range=limits)
@@ -115,6 +116,26 @@ def test_two_arms_have_a_side_each():
     assert len(known) == 12
 
 
+@pytest.mark.medium
+def test_fingers_of_two_arms_are_called_left_and_right():
+    found, root = source()
+    for side in ("left/", "right/"):
+        slides(arm(root, side), (0.0, 0.04), {f"{side}{name}": axis for name, axis in (("left", 1), ("right", -1))})
+    made = links(guess.roles(found, "root"))
+    for side in ("left", "right"):
+        assert made[f"{side}_tip_left"] == f"{side}/left"
+        assert made[f"{side}_tip_right"] == f"{side}/right"
+
+
+def test_the_only_joint_of_a_file_moves_a_jaw():
+    found, root = source()
+    link(chain(root, ["stator"], joints=False), "mover", "turn")
+    made = guess.roles(found, "root")
+    assert links(made) == {"flange": "stator", "palm": "stator", "tip_fixed": "stator", "tip_jaw": "mover"}
+    assert made.grippers["arm"][0] == "turn"
+    assert made.frames["palm"].why.startswith("joint `turn` is the only one")
+
+
 def test_wheels_and_a_head_are_no_part_of_the_arm():
     found, root = source()
     for name in ("wheel_left", "wheel_right"):
@@ -139,6 +160,28 @@ def test_legs_are_no_arms():
     assert made.hand == ["left_palm", "right_palm"]
     assert len(made.still) == 12
     assert "j_left_knee_link" in made.still
+
+
+@pytest.mark.parametrize(
+    "names", [("fl_hip", "fl_uleg", "fl_lleg"), ("FR_leg", "upper_1", "lower_1"), ("l_shank_pitch",)]
+)
+def test_a_robot_of_legs_alone_has_no_hand(names):
+    found, root = source()
+    for number in range(4):
+        chain(link(root, f"mount_{number}"), [f"{name}_{number}" for name in names])
+    with pytest.raises(RuleError, match=r"no arm or hand: its moving links are legs, mount_0, mount_1, "):
+        guess.roles(found, "root")
+
+
+def test_a_walking_robot_has_the_arm_on_its_back():
+    found, root = source()
+    for side in ("fl", "fr", "hl", "hr"):
+        chain(root, [f"{side}_hip", f"{side}_uleg", f"{side}_lleg"])
+    link(arm(root), "arm_link_fngr", "arm_f1x")
+    made = guess.roles(found, "root")
+    assert links(made) == {"flange": "link7", "palm": "link7", "tip_fixed": "link7", "tip_jaw": "arm_link_fngr"}
+    assert made.grippers["arm"][0] == "arm_f1x"
+    assert len(made.still) == 12
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from dextera_build.building.build import Order
 from dextera_build.cli import options
 from dextera_build.cli.build.shown import lines, stubs_of, tell
 from dextera_build.cli.consoles import console
+from dextera_build.project import own
 from dextera_build.runs import snapshot
 from dextera_build.runs.snapshot import Recipe
 from dextera_build.session import Session, addresses
@@ -86,7 +87,7 @@ def built(session: Session, order: Order, locking: Locking, watch: Watch | None,
     from dextera_build.cli.build.consent import agreed
 
     while True:
-        with console(session.project.console, sys.stderr, verbose=verbose) as shown:
+        with console(session.project.console, sys.stderr, verbose=verbose, twin=own.twin(session.project)) as shown:
             done = build.build(session, order, locking, shown, watch)
         if done.ok or not agreed(session.project, done):
             return done

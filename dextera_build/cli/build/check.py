@@ -9,13 +9,16 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from dextera_build.cli import options, table
+from dextera_build.cli import options, streams, table
 from dextera_build.cli.build import expected
-from dextera_build.errors import DxbError, RuleError, StaleError, listing
+from dextera_build.errors import DxbError, RuleError, StaleError, UsageError, listing
+from dextera_build.project import own
 from dextera_build.recipe.expect import STAND_INS
+from dextera_build.report.wording import count
 
 if TYPE_CHECKING:
     from dextera_build.engine.graph import Graph, Plan
+    from dextera_build.project.project import Project
     from dextera_build.session import Session
 
 
@@ -29,17 +32,18 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "targets",
         nargs="*",
         metavar="RECIPE[:NODE]",
-        help="recipes to check without building them (all by default), also against the bounds that they state under "
-        "`expect` if they are built; or a node to rebuild and compare; `calibration "
+        help="recipes to check without building them (those of the project by default), also against the bounds "
+        "that they state under `expect` if they are built; or a node to rebuild and compare; `calibration "
         "RECIPE:NODE` builds a node of align.camera_motion: 0 the camera has not moved, 1 it has, 3 unsure",
     )
+    parser.add_argument("--all", action="store_true", help="check dxb's own recipes too, which takes a minute or more")
     options.project_arguments(parser)
     options.request_arguments(parser)
     options.json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print one line per recipe, and one per bound of a recipe.
+    """Print one line per recipe as its check ends, and at the end one per bound of a recipe.
 
     Returns 2 if a recipe is wrong, 1 if a bound is missed or a rebuilt node differs, 3 if bounds of a recipe that is
     named cannot be checked because it is not built.
@@ -49,37 +53,61 @@ def run(args: argparse.Namespace) -> int:
         from dextera_build.cli.build import check_calibration
 
         return check_calibration.run(args, args.targets[1:], project)
-    code, rows = 0, list[dict[str, Any]]()
-    for target in args.targets or [address for address, _ in project.recipes()]:
+    if args.all and args.targets:
+        raise UsageError("`--all` checks every recipe", code="DXB-U217", hint="`dxb check --all`, without a recipe")
+    targets = args.targets or recipes(project, bundled=args.all)
+    code, rows, width = 0, list[dict[str, Any]](), max(map(len, targets), default=0)
+    for target in targets:
         rows.append({"target": target, "found": None, "bounds": (), "error": None})
         try:
-            session, node = options.session(args, target, project, last=True)
-            if node:
-                rows[-1]["found"] = _repeat(session, node)
-                continue
-            plan = session.plan(incomplete=True)
-            rows[-1]["found"] = _resolved(plan)
-            if not plan.absent:
-                _compare(session, plan.graph, rows[-1], needs_all=bool(args.targets))
+            _check(args, target, project, rows[-1])
         except DxbError as error:
             rows[-1]["error"] = error.to_json()
             if len(args.targets) == 1:
+                _tell(rows[-1], width, as_json=args.json)
                 _give(rows, as_json=args.json)
                 raise
             from dextera_build.cli.errors import render
 
             print(render(error), file=sys.stderr)
             code = max(code, error.exit_code)
+        except KeyboardInterrupt as interrupt:
+            print(f"interrupted after {count(len(rows) - 1, 'check')} of {len(targets)}", file=sys.stderr)
+            return streams.code_of(interrupt)
+        _tell(rows[-1], width, as_json=args.json)
     _give(rows, as_json=args.json)
     return code
 
 
+def recipes(project: Project, *, bundled: bool) -> list[str]:
+    """The project's own recipes; with `bundled`, or if it has none, dxb's too."""
+    return (own.recipes(project) if not bundled else []) or [address for address, _ in project.recipes()]
+
+
+def _check(args: argparse.Namespace, target: str, project: Project, row: dict[str, Any]) -> None:
+    """Fill in the row of one target."""
+    session, node = options.session(args, target, project, last=True)
+    if node:
+        row["found"] = _repeat(session, node)
+        return
+    plan = session.plan(incomplete=True)
+    row["found"] = _resolved(plan)
+    if not plan.absent:
+        _compare(session, plan.graph, row, needs_all=bool(args.targets))
+
+
+def _tell(row: Mapping[str, Any], width: int, *, as_json: bool) -> None:
+    """Print what was found of one target, at once."""
+    if row["found"] is not None and not as_json:
+        between = "  " if sys.stdout.isatty() else "\t"
+        print(f"{row['target']:{width if sys.stdout.isatty() else 0}}{between}{row['found']}", flush=True)
+
+
 def _give(rows: Sequence[dict[str, Any]], *, as_json: bool) -> None:
-    """Print the recipes, then the bounds of those that state any."""
+    """Print the document, or the bounds of the recipes that state any."""
     if as_json:
         table.give("check", [{**row, "bounds": expected.rows(row["bounds"])} for row in rows], as_json=True)
         return
-    table.show([{name: row[name] for name in ("target", "found")} for row in rows if row["found"] is not None])
     table.show([cell for row in rows for cell in expected.cells(row["bounds"])])
 
 

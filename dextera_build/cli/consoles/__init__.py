@@ -25,7 +25,7 @@ class Console:
         self._stream = stream
         self._colour = wants_colour(stream)
         self._lock = threading.RLock()
-        self._record = Record()
+        self.record = Record()
 
     def __call__(self, event: Event) -> None:
         """Show one event.
@@ -54,9 +54,9 @@ class Console:
                 raise
 
     def _show(self, event: Event) -> None:
-        self._record.follow(event)
+        self.record.follow(event)
         if isinstance(event, RunFinished):
-            for block in self._record.failures(colour=self._colour):
+            for block in self.record.failures(colour=self._colour):
                 self._stream.write(block + "\n")
             self._stream.flush()
 
@@ -70,14 +70,21 @@ class JsonlConsole(Console):
             self._stream.flush()
 
 
-def console(kind: str, stream: TextIO, *, verbose: bool = False) -> Console:
+def console(kind: str, stream: TextIO, *, verbose: bool = False, twin: str = "") -> Console:
     """Create the console `kind`; `live` and `auto` fall back to `plain` if `stream` cannot redraw lines.
 
     Args:
         kind: A value of the setting `console`.
         stream: Usually standard error; standard output is for results.
         verbose: Also show the lines that nodes log.
+        twin: The recipe of a twin, in which the robot that is built may get its tasks; "" to leave that out.
     """
+    made = _made(kind, stream, verbose=verbose)
+    made.record.twin = twin
+    return made
+
+
+def _made(kind: str, stream: TextIO, *, verbose: bool) -> Console:
     if kind in ("none", "jsonl"):
         return JsonlConsole(stream) if kind == "jsonl" else Console(stream)
     if kind != "plain" and can_move(stream):

@@ -218,7 +218,7 @@ def pulled(recipe: str, event: RunFinished) -> Line:
     return [("pulled", "fetched"), (f" {recipe}", "name"), (f"   {total}: {said}   {duration(event.seconds)}", "")]
 
 
-def next_steps(recipe: str) -> Line:
+def next_steps(recipe: str, twin: str = "") -> Line:
     """Commands that show the result of a build, and the one that gives a robot its first tasks."""
     shown: Line = [
         ("  view: ", "dim"),
@@ -226,9 +226,9 @@ def next_steps(recipe: str) -> Line:
         ("      report: ", "dim"),
         ("dxb report", "path"),
     ]
-    if not recipe.startswith("robot/"):
+    if not (twin and recipe.startswith("robot/")):
         return shown
-    return [*shown, ("      tasks: ", "dim"), (f"dxb new task twin/laptop_scene {recipe}", "path")]
+    return [*shown, ("      tasks: ", "dim"), (f"dxb new task {twin} {recipe}", "path")]
 
 
 def _first(text: str) -> str:

@@ -51,7 +51,7 @@ class LiveConsole(PlainConsole):
     def _end(self) -> None:
         super()._end()
         with self._lock:
-            self._record.running.clear()
+            self.record.running.clear()
             self._flush()
             self._live.stop()
 
@@ -67,12 +67,12 @@ class LiveConsole(PlainConsole):
 
     def _foot(self) -> Text:
         with self._lock:
-            running, now = list(self._record.running.values()), self._now()
+            running, now = list(self.record.running.values()), self._now()
             shown = foot(running, now, self._terminal.width, max(2, self._terminal.height // 2 - 2))
-            if running or self._record.nodes:
-                shown.append([(f"     {counted(self._record)}   {clock(now - self._began)}", "dim")])
-            if self._record.uploading is not None:
-                shown.append([("  ▸  ", "fetched"), *lines.uploading(self._record.uploading)])
+            if running or self.record.nodes:
+                shown.append([(f"     {counted(self.record)}   {clock(now - self._began)}", "dim")])
+            if self.record.uploading is not None:
+                shown.append([("  ▸  ", "fetched"), *lines.uploading(self.record.uploading)])
         return _text("\n".join(lines.plain(line, colour=True) for line in shown))
 
 

@@ -62,19 +62,19 @@ class PlainConsole(Console):
         """Write a progress line for each node that has run `beat_s` since its start or last line, and for uploads."""
         with self._lock:
             now = self._now()
-            for node in self._record.running.values():
+            for node in self.record.running.values():
                 if now - (node.told or node.started.time) >= self._beat_s:
                     node.told = now
-                    self._write([beat(node, self._record, now)])
-            if self._record.uploading is not None and now - self._uploads_told >= self._beat_s:
+                    self._write([beat(node, self.record, now)])
+            if self.record.uploading is not None and now - self._uploads_told >= self._beat_s:
                 self._uploads_told = now
-                self._write([lines.uploading(self._record.uploading)])
+                self._write([lines.uploading(self.record.uploading)])
 
     def _show(self, event: Event) -> None:
         if isinstance(event, RunFinished):
             self._end()
         with self._lock:
-            self._record.follow(event)
+            self.record.follow(event)
             if isinstance(event, RunFinished):
                 self._finish(event)
                 return
@@ -110,13 +110,13 @@ class PlainConsole(Console):
             self._thread.join(timeout=2.0)
 
     def _finish(self, event: RunFinished) -> None:
-        closing = self._record.closing(event)
+        closing = self.record.closing(event)
         if self._held is not None and event.ok:
             self._held = None
         else:
             self._release()
-            self._write(lines.left_over(self._record.left_over))
-            for block in self._record.failures(colour=self._colour):
+            self._write(lines.left_over(self.record.left_over))
+            for block in self.record.failures(colour=self._colour):
                 self._print("\n" + block)
             closing = [[], *closing]
         self._write(closing)

@@ -14,6 +14,7 @@ from dextera_build.errors import UsageError
 from dextera_build.explain import calls
 from dextera_build.explain.calls import is_call
 from dextera_build.project import settings
+from dextera_build.project.planning import refuse_unknown
 
 if TYPE_CHECKING:
     from dextera_build.project.project import Project
@@ -155,8 +156,7 @@ def _targets(session: Session, target: str) -> list[str]:
 
 def _recipe(session: Session, *, as_json: bool) -> int:
     """Print the last build of each node of a recipe: time, run, result; results of stub backends are marked."""
-    if session.project.recipe(session.recipe) is None:
-        session.plan()  # raises the error that lists the recipes
+    refuse_unknown(session.project, session.recipe)
     rows = [
         {"node": node, "seconds": entry.seconds, "run": entry.run or None, **result.line(session, entry.key)}
         for node, entry in session.history.items()

@@ -18,6 +18,7 @@ from dextera_build.engine.graph import parse_address
 from dextera_build.errors import RuleError, UsageError, listing
 from dextera_build.explain import ancestors
 from dextera_build.policy.robot_run import REAL
+from dextera_build.project.planning import refuse_unknown
 from dextera_build.report.wording import count
 from dextera_build.session import Session, notices
 
@@ -165,17 +166,25 @@ def _recipe(session: Session) -> Fill:
     if missing and (robots := [node for node in nodes.get("RobotModel", []) if ":" not in node]):
         return of(session, robots[-1])
     if missing:
-        raise UsageError(
-            f"`{session.recipe}` has no scene to show yet",
-            code="DXB-U113",
-            facts={"missing": ", ".join(missing)},
-            hint=f"`dxb build {session.recipe}`, or name a node: `dxb view {session.recipe}:NODE`",
-        )
+        raise _nothing(session, missing if nodes else [])
     named = nodes.pop("Segmentation", [])[-1:]
     bare = fetch.bring(session, [*(nodes[kind][-1] for kind in PARTS), *nodes.get("Asset", []), *named])
     if named and named[0] not in bare:
         nodes["Segmentation"] = named
     return _as_written(session, nodes, bare) if {*bare} - {*named} else _scene(session, nodes)
+
+
+def _nothing(session: Session, missing: list[str]) -> UsageError:
+    """The error for a recipe without anything to show; `missing` is empty if no build of it is known."""
+    if missing:
+        return UsageError(
+            f"`{session.recipe}` has no scene to show yet, and neither a task nor a robot",
+            code="DXB-U113",
+            facts={"missing": ", ".join(missing)},
+            hint=f"`dxb build {session.recipe}`, or name a node: `dxb view {session.recipe}:NODE`",
+        )
+    refuse_unknown(session.project, session.recipe)
+    return UsageError(f"`{session.recipe}` was never built here", code="DXB-U113", hint=f"`dxb build {session.recipe}`")
 
 
 def _as_written(session: Session, nodes: dict[str, list[str]], bare: list[str]) -> Fill:

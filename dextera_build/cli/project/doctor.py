@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import ctypes.util
+import importlib.metadata
 import importlib.util
 import os
 import shutil
@@ -15,7 +16,7 @@ from pathlib import Path
 
 from dextera_build.cli import options, table
 from dextera_build.code.loader import BackendFile, RuleFile
-from dextera_build.errors import Place, install_extra, smallest_extra
+from dextera_build.errors import Place, extras_of_dxb, install_extra, smallest_extra
 from dextera_build.project.project import Project
 from dextera_build.recipe.backends import backend_of, lacks_of
 from dextera_build.report import wording
@@ -23,6 +24,8 @@ from dextera_build.report import wording
 _LIBRARIES = {"libusb-1.0-0": "usb-1.0", "libgomp1": "gomp", "libegl1": "EGL", "libgl1": "GL"}
 _RENDER = "import mujoco; mujoco.Renderer(mujoco.MjModel.from_xml_string('<mujoco/>'), 8, 8).close()"
 
+_EXTRA, _ABSENT = "extra ", "absent"
+"""Beginning of the name of an extra's row, and the state of one none of whose packages is installed."""
 Finding = tuple[str, bool, str, str]
 """Name, whether it is fine, details, and how to fix it."""
 
@@ -44,12 +47,13 @@ def run(args: argparse.Namespace) -> int:
     """Print one line per finding, then the number that each step mends; return 4 if something is missing."""
     project = options.project(args)
     findings = [*_python(), *_store(project), *_libraries(), *_backends(project, args.self_test), *_rendering()]
+    findings[2:2] = _extras()
     rows = [
         {"what": what, "ok": fine, "found": found, "mend": None if fine else mend}
         for what, fine, found, mend in findings
     ]
     cells = [
-        {"state": "ok" if fine else "lacks", "what": what, "found": found, "mend": "" if fine else mend}
+        {"state": _state(what, fine, found), "what": what, "found": found, "mend": "" if fine else mend}
         for what, fine, found, mend in findings
     ]
     content = {"cores": _cores(), "free_bytes": shutil.disk_usage(_existing(project)).free, "rows": rows}
@@ -64,6 +68,31 @@ def _python() -> Iterator[Finding]:
     version = ".".join(str(part) for part in sys.version_info[:3])
     yield "python", sys.version_info >= (3, 11), version, "install Python 3.11"
     yield "cores", True, str(_cores()), ""
+
+
+def _extras() -> Iterator[Finding]:
+    """Whether each extra of dxb is installed; one that is absent is no fault: what needs it is told below."""
+    for extra, wanted in sorted(extras_of_dxb().items()):
+        missing = sorted(each for each in wanted if not _is_installed(each))
+        lacks = f"lacks {', '.join(missing)}: {install_extra(extra)}"
+        if extra != "all":
+            found = _ABSENT if len(missing) == len(wanted) else lacks if missing else "installed"
+            yield f"{_EXTRA}{extra}", True, found, ""
+
+
+def _state(what: str, fine: bool, found: str) -> str:
+    """The first column of a row."""
+    if what.startswith(_EXTRA) and found != "installed":
+        return found if found == _ABSENT else "in part"
+    return "ok" if fine else "lacks"
+
+
+def _is_installed(distribution: str) -> bool:
+    try:
+        importlib.metadata.version(distribution)
+    except importlib.metadata.PackageNotFoundError:
+        return False
+    return True
 
 
 def _cores() -> int:

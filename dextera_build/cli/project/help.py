@@ -57,7 +57,7 @@ def _meaning(code: str) -> str:
         lines += ["", *(_example(part, room) if part.startswith("```") else textwrap.wrap(part, room))]
     for error in found if not about else ():
         lines += ["", error.message]
-        lines += [f"   it says: {', '.join(error.facts)}"] if error.facts else []
+        lines += [f"   facts: {', '.join(error.facts)}"] if error.facts else []
         lines += [f"   what to do: {error.hint}"] if error.hint else []
     return "\n".join(lines)
 

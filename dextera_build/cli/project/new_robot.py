@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from dextera_build.cli import options
-from dextera_build.cli.project import robot_files, robot_text
+from dextera_build.cli.project import robot_files, robot_text, written
 from dextera_build.cli.table import writing
 from dextera_build.errors import UsageError
 from dextera_build.project.project import Project
@@ -33,9 +33,9 @@ def run(args: argparse.Namespace) -> int:
         if not each.is_file():
             raise UsageError(f"there is no file `{each}`", code="DXB-U217", hint="name the robot's URDF or MJCF")
     project = options.project(args)
-    name = "_with_".join(re.sub(r"[^a-z0-9]+", "_", each.stem.lower()).strip("_") or "robot" for each in paths)
     own = project.root.absolute() / "recipes" / "robot"
-    out = Path(args.out) if args.out else own / f"{name}.yaml"
+    out = Path(args.out) if args.out else own / f"{'_with_'.join(_spelled(each.stem) for each in paths)}.yaml"
+    name = _spelled(out.stem)
     if out.exists():
         raise UsageError(f"`{out}` exists already", code="DXB-U191", hint="`-o FILE` writes to another file")
     parts = [
@@ -53,9 +53,14 @@ def run(args: argparse.Namespace) -> int:
     print(project.shown(out.absolute()))
     for line in (*_told(project, name, out, copied), *text.told()):
         print(f"  {line}", file=sys.stderr)
-    recipe = f"robot/{out.stem if out.absolute().parent == own else name}"
-    print(f"  check every marked guess, then: dxb build {recipe}, dxb view {recipe}", file=sys.stderr)
+    recipe, first = written.address(project, out, own / f"{name}.yaml")
+    print(f"  {first}check every marked guess, then: dxb build {recipe}, dxb view {recipe}", file=sys.stderr)
     return 0
+
+
+def _spelled(stem: str) -> str:
+    """The name of a file as that of a robot."""
+    return re.sub(r"[^a-z0-9]+", "_", stem.lower()).strip("_") or "robot"
 
 
 def _told(project: Project, name: str, out: Path, copied: dict[Path, bytes]) -> Iterator[str]:
@@ -65,7 +70,7 @@ def _told(project: Project, name: str, out: Path, copied: dict[Path, bytes]) -> 
         place = project.shown(project.root / "robots" / name)
         yield f"copied {len(copied)} files ({size:.1f} MB) to {place}"
     own = project.root / "recipes" / "robot" / f"{name}.yaml"
-    others = [folder / "robot" / f"{name}.yaml" for folder in project.recipe_folders()]
+    others = [folder / "robot" / own.name for folder in project.recipe_folders()]
     if out.absolute() == own.absolute() and any(
         each.is_file() and each.absolute() != own.absolute() for each in others
     ):

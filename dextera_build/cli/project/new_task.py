@@ -8,8 +8,10 @@ import sys
 from pathlib import Path
 
 from dextera_build.cli import options
+from dextera_build.cli.project import written
 from dextera_build.cli.table import writing
 from dextera_build.errors import UsageError
+from dextera_build.project.planning import refuse_unknown
 
 _ROBOT = "robot/kuka_leap"
 _ASSET = re.compile(r"body\[(.+)\]\.asset")
@@ -29,9 +31,11 @@ def run(args: argparse.Namespace) -> int:
     if node:
         raise UsageError(f"`{args.name}` is a node", code="DXB-U217", hint=f"`dxb new task {session.recipe}`")
     name = session.recipe.rpartition("/")[2]
-    out = Path(args.out) if args.out else session.project.root / "recipes" / "task" / f"{name}_tasks.yaml"
+    place = session.project.root.absolute() / "recipes" / "task" / f"{name}_tasks.yaml"
+    out = Path(args.out) if args.out else place
     if out.exists():
         raise UsageError(f"`{out}` exists already", code="DXB-U191", hint="`-o FILE` writes to another file")
+    refuse_unknown(session.project, session.recipe)
     recipe = session.project.recipe(session.recipe)
     missing = [each for each in ("scene", "body", "ground") if recipe is None or each not in recipe.nodes]
     if missing:
@@ -55,9 +59,11 @@ def run(args: argparse.Namespace) -> int:
     print(session.project.shown(out.absolute()))
     for task in task_file.tasks(library, assets):
         print(f"  {task.proposal.name}: {task.primitive} `{task.object}`")
-    built = f"dxb build task/{out.stem}"
-    print(f"  keep the tasks that you want, check every marked guess, then: {built}", file=sys.stderr)
+    made, first = written.address(session.project, out, place)
+    print(f"  {first}keep the tasks that you want, check every marked guess, then: dxb build {made}", file=sys.stderr)
     print(
-        "  a recipe that `extends: task/line` makes demonstrations and policies of one: docs/tasks.md", file=sys.stderr
+        "  to record demonstrations and train a policy, put one of them into a recipe with `extends: task/line`; "
+        "`dxb plan task/line` lists its steps and the inputs that it needs",
+        file=sys.stderr,
     )
     return 0

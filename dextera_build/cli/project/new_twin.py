@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from dextera_build.cli import options
+from dextera_build.cli.project import written
 from dextera_build.cli.project.init import twin_text
 from dextera_build.cli.table import writing
 from dextera_build.errors import UsageError
@@ -47,7 +48,8 @@ def run(args: argparse.Namespace) -> int:
         )
     project = options.project(args)
     name = f"{args.name}_again" if args.moved_camera else args.name
-    out = Path(args.out) if args.out else project.root / "recipes" / f"{name}.yaml"
+    place = project.root.absolute() / "recipes" / f"{name}.yaml"
+    out = Path(args.out) if args.out else place
     if out.exists():
         raise UsageError(f"`{out}` exists already", code="DXB-U191", hint="`-o FILE` writes to another file")
     if args.moved_camera:
@@ -66,5 +68,6 @@ def run(args: argparse.Namespace) -> int:
         out.parent.mkdir(parents=True, exist_ok=True)
         out.write_text(text)
     print(project.shown(out.absolute()))
-    print(f"  then: dxb build {name} {following}".rstrip(), file=sys.stderr)
+    made, first = written.address(project, out, place)
+    print(f"  {first}then: dxb build {made} {following}".rstrip(), file=sys.stderr)
     return 0

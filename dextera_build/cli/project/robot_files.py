@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dextera_build.errors import UsageError, listing
 from dextera_build.project.project import Project
 
 if TYPE_CHECKING:
@@ -87,6 +88,9 @@ def gathered(parts: Sequence[Part], project: Project, name: str) -> tuple[str, d
 
     Files are copied if they are outside of the project, and files of two parts also if their folders differ, because a
     recipe takes one folder.
+
+    Raises:
+        UsageError: The project has another file at the path of a copy.
     """
     folders = {part.folder for part in parts}
     if len(folders) == 1 and inside(project, parts[0].folder):
@@ -97,7 +101,20 @@ def gathered(parts: Sequence[Part], project: Project, name: str) -> tuple[str, d
         part.below = f"{below}/" if below else ""
         for path in sorted(part.used | _licences(part)):
             copied[place / below / path] = (part.folder / path).read_bytes()
+    _refuse_others(copied, project, name)
     return f"robots/{name}", copied
+
+
+def _refuse_others(copied: dict[Path, bytes], project: Project, name: str) -> None:
+    """Refuse to write over the files of another robot: its recipe would build this one."""
+    others = [path for path, data in copied.items() if path.exists() and path.read_bytes() != data]
+    if others:
+        raise UsageError(
+            f"`robots/{name}` holds the files of another robot",
+            code="DXB-U191",
+            facts={"would be overwritten": listing(map(project.shown, others), most=5)},
+            hint=f"`-o recipes/robot/OTHER.yaml` copies to `robots/OTHER`; or remove `robots/{name}`",
+        )
 
 
 def _licences(part: Part) -> set[str]:

@@ -123,6 +123,38 @@ def test_a_recipe_that_hides_one_of_dxbs_is_said(space):
     assert "dxb build robot/my_panda, dxb view robot/my_panda" in other.err
 
 
+def test_two_robots_in_files_of_one_name_keep_their_own_files(space, tmp_path):
+    for name, joint in (("jaco", "elbow"), ("baxter", "bend")):
+        put(tmp_path / name, dict(arm(ARM.replace("elbow", joint)).files))
+        (tmp_path / name / "arm_description/urdf/arm.urdf").rename(tmp_path / name / "arm_description/urdf/robot.urdf")
+    files = {name: str(tmp_path / name / "arm_description/urdf/robot.urdf") for name in ("jaco", "baxter")}
+    for name, joint in (("jaco", "elbow"), ("baxter", "bend")):
+        answer = space.dxb("new", "robot", files[name], "-o", f"recipes/robot/{name}.yaml")
+        assert answer.code == 0, answer.err
+        assert f"dxb build robot/{name}, dxb view robot/{name}" in answer.err
+        made = written(space, name)
+        assert (made["inputs"]["files"], made["nodes"]["robot"]["name"]) == (f"robots/{name}", name)
+        assert joint in (space.root / "robots" / name / "urdf/robot.urdf").read_text()
+    (space.root / "recipes/robot/jaco.yaml").unlink()
+    before = (space.root / "robots/jaco/urdf/robot.urdf").read_bytes()
+    refused = space.dxb("new", "robot", files["baxter"], "-o", "recipes/robot/jaco.yaml")
+    assert (refused.code, "error[DXB-U191]" in refused.err) == (2, True), refused.err
+    assert "robots/jaco/urdf/robot.urdf" in refused.err
+    assert not (space.root / "recipes/robot/jaco.yaml").exists()
+    assert (space.root / "robots/jaco/urdf/robot.urdf").read_bytes() == before
+    assert space.dxb("new", "robot", files["jaco"], "-o", "recipes/robot/jaco.yaml").code == 0  # the same bytes
+
+
+def test_a_recipe_outside_of_recipes_is_told_its_place(space):
+    put(space.root / "robots", dict(arm().files))
+    answer = space.dxb("new", "robot", "robots/arm_description/urdf/arm.urdf", "-o", "mine.yaml")
+    assert answer.code == 0, answer.err
+    assert "move it to recipes/robot/mine.yaml, check every marked guess, then: dxb build robot/mine" in answer.err
+    (space.root / "recipes/robot").mkdir(parents=True)
+    (space.root / "mine.yaml").rename(space.root / "recipes/robot/mine.yaml")
+    assert space.dxb("plan", "robot/mine").code == 0
+
+
 @pytest.mark.slow
 def test_an_arm_and_a_hand_of_two_files_become_one_robot(space, tmp_path):
     bare = re.sub(r'<joint name="grip.*?</joint>', "", ARM, flags=re.DOTALL)

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from dextera_build.errors import RuleError, listing
 from dextera_build.sim.model.imported import hands, home, limbs
 from dextera_build.sim.model.imported.hands import Shape, Spot
 from dextera_build.sim.model.imported.source import Source
@@ -59,9 +60,16 @@ class Guess:
 
 
 def roles(source: Source, root: str) -> Guess:
-    """Arms, hands, flanges, palms and fingertips below a link, whose name in the model is `base`."""
+    """Arms, hands, flanges, palms and fingertips below a link, whose name in the model is `base`.
+
+    Raises:
+        RuleError: All that moves is legs.
+    """
     found = Guess()
     branches = limbs.branches_of(source.spec.body(root))
+    if not branches:
+        legs = listing((body.name for body in limbs.moving(source.spec.body(root))), most=8)
+        raise RuleError(f"the robot has no arm or hand: its moving links are legs, {legs}", code="DXB-B217")
     sides = _sides(branches)
     shape = Shape(source.spec, source.mimics)
     for branch, side in zip(branches, sides, strict=True):
@@ -178,7 +186,8 @@ class _Limb:
         ahead = self._shape.ahead(self._branch, points)
         axes = hands.square(ahead, wide - points.mean(axis=0))
         tip = hands.end(points, ahead, -axes[:, 1])
-        why = f"joint `{joint.name}` alone is called a gripper: a jaw that closes against `{self._palm.name}`"
+        called = "alone is called a gripper" if len(self._source.spec.joints) > 1 else "is the only one"
+        why = f"joint `{joint.name}` {called}: a jaw that closes against `{self._palm.name}`"
         self._role(found, "palm", self._palm, tip - hands.BACK_M * ahead, axes, "likely", why)
         self._role(found, "tip_fixed", self._palm, tip, None, "likely", "where the closed jaw ends")
         self._role(found, "tip_jaw", finger, tip, None, "likely", "the end of its mesh")
@@ -263,9 +272,9 @@ class _Limb:
         return np.asarray(found)
 
     def _finger(self, body: Any) -> str:
-        """Name of a finger; in `openarm_left_ee_outer_finger`, `left` is the arm."""
+        """Name of a finger; in `openarm_left_ee_outer_finger` and `left/right_finger`, the first `left` is the arm."""
         side = self._side.rstrip("_")
-        own = re.sub(side, "", body.name, flags=re.IGNORECASE) if side else body.name
+        own = re.sub(side, "", body.name, count=1, flags=re.IGNORECASE) if side else body.name
         return next((name for name, form in _FINGERS.items() if re.search(form, own, re.IGNORECASE)), "")
 
 

@@ -9,9 +9,9 @@ from typing import Any
 
 FEWEST = 5
 """Minimum number of joints of an arm's chain; fingers have up to four."""
-_FINGER = re.compile(r"finger|thumb|index|pinky|knuckle", re.IGNORECASE)
-_JAW = re.compile(r"grip|jaw|claw|finger|pinch", re.IGNORECASE)
-_LEG = re.compile(r"(^|_)(leg|hip|thigh|knee|calf|ankle|foot)(_|\d|$)", re.IGNORECASE)
+_FINGER = re.compile(r"finger|fngr|thumb|index|pinky|knuckle", re.IGNORECASE)
+_JAW = re.compile(r"grip|jaw|claw|finger|fngr|pinch", re.IGNORECASE)
+_LEG = re.compile(r"(^|_)([ul]?leg|hip|thigh|shank|knee|calf|ankle|foot)(_|\d|$)", re.IGNORECASE)
 
 
 @dataclass
@@ -29,19 +29,26 @@ class Branch:
 
 
 def branches_of(top: Any) -> list[Branch]:
-    """The arms below a link, without legs, or one of a hand alone."""
+    """The arms below a link, without legs, or one of a hand alone; none if all that moves is legs."""
+    if moving(top) and all(map(_is_leg, moving(top))):
+        return []
     found = list(_walk(top, top, 0, []))
-    long = [each for each in found if joints_between(top, each.palm) >= FEWEST]
-    arms = [each for each in long if not any(_LEG.search(body.name) for body in way(each.top, each.palm))]
-    return arms or long or found[:1]
+    return [each for each in found if joints_between(top, each.palm) >= FEWEST] or found[:1]
+
+
+def _is_leg(body: Any) -> bool:
+    """Whether a chain begins with a link that is called as one of a leg, or holds nothing but such chains."""
+    inner = moving(body)
+    return bool(_LEG.search(body.name)) or (bool(inner) and not list(body.joints) and all(map(_is_leg, inner)))
 
 
 def _walk(top: Any, body: Any, above: int, others: list[Any]) -> Iterator[Branch]:
     while True:
         above += len(list(body.joints))
-        inner = moving(body)
+        inner = [each for each in moving(body) if not _is_leg(each)]
+        others = [*others, *(each for each in moving(body) if each not in inner)]
         if not inner:
-            yield _ended(top, body, others)
+            yield _ended(top, body, above, others)
             return
         if len(inner) > 1:
             deep = [each for each in inner if depth(each) >= FEWEST]
@@ -57,11 +64,11 @@ def _walk(top: Any, body: Any, above: int, others: list[Any]) -> Iterator[Branch
         body = inner[0]
 
 
-def _ended(top: Any, body: Any, others: list[Any]) -> Branch:
-    """A chain that does not branch: its last link is a jaw if its name or its joint's says so."""
+def _ended(top: Any, body: Any, above: int, others: list[Any]) -> Branch:
+    """A chain that does not branch: its last link is a jaw if its name or its joint's says so, or it alone moves."""
     joints = list(body.joints)
     names = [body.name, *(joint.name for joint in joints)]
-    if joints and body is not top and any(map(_JAW.search, names)):
+    if joints and body is not top and (above == 1 or any(map(_JAW.search, names))):
         return Branch(top, body.parent, [body], others)
     return Branch(top, last(body), [], others)
 
