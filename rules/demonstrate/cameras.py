@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.tasks.episode import Episodes, Film
@@ -14,9 +13,6 @@ from dextera_build.errors import listing
 from dextera_build.rule import Context
 
 from .film_of import check_film
-
-if TYPE_CHECKING:
-    from .form import FormOptions
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 """Names that all forms and ROS take."""
@@ -49,13 +45,13 @@ class Given:
     views: Collection[View] | None = None
 
 
-def checked(ctx: Context, episodes: Episodes, given: Given, options: FormOptions) -> tuple[Camera, ...]:
-    """The cameras of a data set, in the order of their names.
+def checked(ctx: Context, episodes: Episodes, given: Given, name: str) -> tuple[Camera, ...]:
+    """The cameras of a data set, in the order of their names; `name` is that of the only one.
 
     Raises:
         RuleError: Films and views do not go together, or a film does not show every episode.
     """
-    found = _single(given, options) if given.films is None and given.views is None else _several(ctx, given)
+    found = _single(given, name) if given.films is None and given.views is None else _several(ctx, given)
     for each in found:
         ctx.check(
             NAME.fullmatch(each.name) is not None,
@@ -68,10 +64,10 @@ def checked(ctx: Context, episodes: Episodes, given: Given, options: FormOptions
     return found
 
 
-def _single(given: Given, options: FormOptions) -> tuple[Camera, ...]:
+def _single(given: Given, name: str) -> tuple[Camera, ...]:
     if given.film is None and given.view is None:
         return ()
-    return (Camera(options.camera, given.film, given.view),)
+    return (Camera(name, given.film, given.view),)
 
 
 def _several(ctx: Context, given: Given) -> tuple[Camera, ...]:

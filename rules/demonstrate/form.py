@@ -56,7 +56,7 @@ def checked(ctx: Context, episodes: Episodes, given: cameras.Given, options: For
     """
     if not episodes.items:
         ctx.fail("no episode counts", failures=len(episodes.failures), hint="look at their reasons in the episodes")
-    return cameras.checked(ctx, episodes, given, options)
+    return cameras.checked(ctx, episodes, given, options.camera)
 
 
 def observed(bundle: TaskBundle, episodes: Episodes, actions: Actions) -> dict[str, Feature]:

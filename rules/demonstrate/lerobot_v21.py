@@ -35,7 +35,8 @@ VERSION = "v2.1"
 DATA = "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
 VIDEO = "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4"
 KNOWN = ("min", "max", "mean", "std", "count")
-"""Statistics of an episode in this version, which has no quantiles."""
+"""Statistics of an episode in this version, which has no quantiles, and refuses those of pictures that have not three
+channels; so depth has none."""
 
 
 def write(
@@ -55,9 +56,9 @@ def write(
         found = lerobot_features.columns(episodes, episode, number, first, actions.of(episode))
         columns = {name: found[name] for name in features}
         whole.append(columns)
-        pictures, of_depth = depths.of(label)
+        pictures, _ = depths.of(label)
         trees.write({_place(DATA, number, common): lerobot_tables.steps(features, [{**columns, **pictures}])}, out)
-        stats.append({name: lerobot_stats.of_numbers(values) for name, values in columns.items()} | of_depth)
+        stats.append({name: lerobot_stats.of_numbers(values) for name, values in columns.items()})
         steps = len(episode.joints)
         rows.append({"episode_index": number, "tasks": [words], "length": steps} | facts.start(label, episode))
         first += steps

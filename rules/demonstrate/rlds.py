@@ -17,7 +17,7 @@ from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.policy.declared import BY_NAME
 from dextera_build.rule import Context, Tolerance, rule
 
-from . import form, rlds_meta
+from . import form, rlds_names
 from .cameras import Camera, Given
 from .lerobot_features import ACTION
 from .writing import written
@@ -122,7 +122,7 @@ def _place(feature: str, several: bool) -> str:
     """Where a feature is in a step, `{}` for one of several cameras; empty: nowhere."""
     if feature.startswith(form.OBSERVED):
         name = feature.removeprefix(form.OBSERVED)
-        kinds = {BY_NAME["rgb"].feature: rlds_meta.PICTURE, BY_NAME["depth"].feature: rlds_meta.DEPTH}
+        kinds = {BY_NAME["rgb"].feature: rlds_names.PICTURE, BY_NAME["depth"].feature: rlds_names.DEPTH}
         picture = kinds.get(feature)
-        return f"observation/{name if picture is None else rlds_meta.picture_key(picture, several)}"
+        return f"observation/{name if picture is None else rlds_names.key(picture, several)}"
     return ACTION if feature == ACTION else ""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle
 
-from . import facts
+from . import facts, rlds_names
 from .lerobot_features import ACTION, Feature
 
 if TYPE_CHECKING:
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from .rlds import RldsOptions
 
 FEATURES = "tensorflow_datasets.core.features"
-PICTURE, DEPTH = "image", "depth"
-"""Names of the pictures and the depth of the only camera among the observations."""
 FLAGS = ("is_first", "is_last", "is_terminal")
 TEMPLATE = "{DATASET}-{SPLIT}.{FILEFORMAT}-{SHARD_X_OF_Y}"
 TEXTS = ("label", "origin", "start", "segments")
@@ -38,11 +36,6 @@ class Split:
     """Size of all files [bytes]."""
 
 
-def picture_key(kind: str, several: bool) -> str:
-    """Name of pictures among the observations, of kind `PICTURE` or `DEPTH`; `{}` is one of several cameras."""
-    return f"{{}}_{kind}" if several else kind
-
-
 def features(observed: Mapping[str, Feature], width: int, seen: Sequence[Camera], options: RldsOptions) -> bytes:
     """`features.json`.
 
@@ -53,13 +46,12 @@ def features(observed: Mapping[str, Feature], width: int, seen: Sequence[Camera]
         options: Encoding of the pictures.
     """
     found = {name: _tensor("float32", feature.width) for name, feature in observed.items()}
+    picture, depth = (rlds_names.key(kind, len(seen) > 1) for kind in (rlds_names.PICTURE, rlds_names.DEPTH))
     for each in seen:
         if each.film is not None:
-            found[picture_key(PICTURE, len(seen) > 1).format(each.name)] = _image(
-                each.film, 3, "uint8", options.picture
-            )
+            found[picture.format(each.name)] = _image(each.film, 3, "uint8", options.picture)
         if each.film is not None and each.has_depth:
-            found[picture_key(DEPTH, len(seen) > 1).format(each.name)] = _image(each.film, 1, "uint16", "png")
+            found[depth.format(each.name)] = _image(each.film, 1, "uint16", "png")
     step = {
         "observation": _named(found),
         ACTION: _tensor("float32", width),

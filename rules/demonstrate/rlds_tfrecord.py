@@ -17,7 +17,7 @@ from dextera_build.formats import tfrecord
 from dextera_build.formats.ros.recording import packed
 from dextera_build.rule import Backend, Context, Options
 
-from . import facts, form, lerobot_features, rlds_meta, split
+from . import facts, form, lerobot_features, rlds_meta, rlds_names, split
 from .lerobot_actions import Actions
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ def _pictures(seen: Sequence[Camera], label: str, options: RldsOptions) -> dict[
     """Encoded pictures and depth of all steps, under the path of their feature."""
     found: dict[str, tfrecord.Value] = {}
     picture, depth = (
-        f"observation/{rlds_meta.picture_key(kind, len(seen) > 1)}" for kind in (rlds_meta.PICTURE, rlds_meta.DEPTH)
+        f"observation/{rlds_names.key(kind, len(seen) > 1)}" for kind in (rlds_names.PICTURE, rlds_names.DEPTH)
     )
     for each in seen:
         if each.film is not None:

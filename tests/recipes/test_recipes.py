@@ -62,8 +62,8 @@ INPUTS = {
         "episodes": "task/kl/lift_mustard_bottle:episodes",
         "front": "task/kl/lift_mustard_bottle:front",
         "side": "task/kl/lift_mustard_bottle:side",
-        "front_film": "dataset/kl/lift_mustard_bottle:data.front_film",
-        "side_film": "dataset/kl/lift_mustard_bottle:data.side_film",
+        "front_film": "task/kl/lift_mustard_bottle:pictures",
+        "side_film": "task/kl/lift_mustard_bottle:pictures",
     },
     "policy/pair": {
         "task": "task/kl/lift_mustard_bottle:task",

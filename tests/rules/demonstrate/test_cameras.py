@@ -113,6 +113,9 @@ def test_lerobot_has_a_video_and_lossless_depth_of_each_camera(
         video = json.loads(folder.files["meta/modality.json"])["video"]
         assert video == {name: {"original_key": f"observation.images.{name}"} for name in films}
         assert info["total_videos"] == 2 * len(LENGTHS)
+        (own, *_) = (json.loads(line)["stats"] for line in folder.files["meta/episodes_stats.jsonl"].splitlines())
+        # LeRobot up to 0.3 refuses statistics of pictures that have not three channels.
+        assert {np.shape(each["mean"]) for name, each in own.items() if "image" in name} == {(3, 1, 1)}
 
 
 def test_depth_counts_for_the_size_of_a_data_file(made: Episodes, films: dict[str, Film]) -> None:

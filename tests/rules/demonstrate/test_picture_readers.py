@@ -99,7 +99,7 @@ def test_robomimic_reads_both_cameras_and_their_depth(
         expected = np.where(counts <= 3000, counts, 0)
         np.testing.assert_allclose(found[f"obs/{name}_depth"][..., 0] * 3000, expected, atol=1e-3)
         # A network gets the same, channels first.
-        np.testing.assert_allclose(found[f"processed/{name}_depth"][0] * 3000, expected[0], atol=1e-3)
+        np.testing.assert_allclose(found[f"processed/{name}_depth"][0, 0] * 3000, expected[0], atol=1e-3)
 
 
 def test_tensorflow_datasets_reads_both_cameras_and_their_depth(
