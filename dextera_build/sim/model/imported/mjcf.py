@@ -85,6 +85,11 @@ def _only_bodies(text: str, whole: bool) -> str:
     for tag in ("option", "size", "visual", "statistic", "keyframe"):
         for element in root.findall(tag):
             root.remove(element)
+    # The root class of a model that is attached without a prefix has no name, and MuJoCo does not read what it wrote.
+    for number, element in enumerate(each for each in root.findall("default/default") if not each.get("class")):
+        if any(each.tag != "default" for each in element):
+            raise wrong("a model attached without a prefix sets defaults of no class", hint="attach it with a prefix")
+        element.set("class", f"attached_{number}")
     world = root.find("worldbody")
     if whole and world is not None:
         children = [each for each in world if each.tag in ("body", "geom", "site")]

@@ -57,6 +57,17 @@ def test_includes_and_attached_models_of_the_input_are_read():
     assert len(attached.spec.body("p_h").geoms) == 2
 
 
+@pytest.mark.filterwarnings("ignore:Attaching a spec")
+def test_a_model_attached_without_a_prefix_keeps_its_classes():
+    attach = ('<frame><attach model="h" body="h" prefix=""/></frame>', '<model name="h" file="../s/h.xml"/>')
+    own = '<default><default class="soft"><geom friction="2"/></default></default>'
+    hand = HAND.replace("<geom", '<geom class="soft"').replace("<worldbody", f"{own}<worldbody", 1)
+    found = read(robot(*attach), s__h_xml=hand)
+    assert found.spec.body("h").geoms[0].friction[0] == 2
+    plain = HAND.replace("<worldbody", '<default><geom friction="2"/></default><worldbody', 1)
+    assert "attached without a prefix" in refused(robot(*attach), s__h_xml=plain).message
+
+
 @pytest.mark.parametrize("name", ["../../i.xml", "{}/i.xml", "file://{}/i.xml", "i.xml"])
 @pytest.mark.parametrize("arc", ["include", "model", "nested", "in a model"])
 def test_files_outside_of_the_input_are_missing(tmp_path, monkeypatch, arc, name):
