@@ -92,7 +92,7 @@ def _only_bodies(text: str, whole: bool) -> str:
         element.set("class", f"attached_{number}")
     world = root.find("worldbody")
     if whole and world is not None:
-        children = [each for each in world if each.tag in ("body", "geom", "site")]
+        children = [each for each in world if each.tag in ("body", "frame", "geom", "site")]
         holder = ET.SubElement(world, "body", name=WHOLE)
         for each in children:
             world.remove(each)
