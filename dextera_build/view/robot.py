@@ -20,8 +20,8 @@ COLOURS = {"flange": (235, 170, 50), "palm": (60, 140, 220), "tip": (230, 85, 60
 """Part of a role's name -> colour of its frame's origin; "" for all others."""
 AXES_M, DOT_M = 0.05, 0.007
 """Length of a frame's axes, and radius of its origin [m]."""
-GREY = 186
-"""Brightness of the background."""
+BEHIND = (106, 122, 142)
+"""Colour of the background: unlike white, grey and black, as most robots are."""
 POSTURES = 1500
 """Number of random postures whose palms show the reach."""
 SWEEP_S, STEPS = 1.5, 13
@@ -49,8 +49,7 @@ class RobotView:
         self.sliders: dict[str, tuple[Any, float]] = {}
         reach = self._reach(name)
         server.gui.add_markdown(self._words())
-        # Most robots are white or black.
-        server.scene.set_background_image(np.full((4, 4, 3), GREY, np.uint8), format="png")
+        server.scene.set_background_image(np.full((4, 4, 3), BEHIND, np.uint8), format="png")
         self._switches(reach)
         self._joints()
         self._note(name)

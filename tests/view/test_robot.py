@@ -14,7 +14,7 @@ from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.geometry import quaternions
 from dextera_build.sim.model.robot import load
 from dextera_build.view import panel, save, server
-from dextera_build.view.robot import GREY, POSTURES, RobotView
+from dextera_build.view.robot import BEHIND, POSTURES, RobotView
 from tests.rules.simulate.robot_files import arm
 from tests.rules.simulate.test_imported_robot import URDF, made
 from tests.teleop.chromium import Screen, chromium
@@ -99,7 +99,7 @@ def test_roles_have_colours_and_collision_and_reach_are_hidden(view: tuple[Recor
 
 def test_the_background_is_grey_and_a_saved_page_has_the_sliders(view: tuple[Recorder, RobotView]) -> None:
     recorder, _ = view
-    assert recorder.background.mean() == GREY
+    assert (recorder.background == BEHIND).all()
     (control,) = [each for each in panel.noted(recorder) if each["kind"] == "robot"]
     told = {each["name"]: (each["low"], each["high"], each["home"]) for each in control["joints"]}
     assert told["grip"] == (0.0, 0.04, 0.01)
