@@ -68,6 +68,8 @@ def read(path: str, files: Mapping[str, bytes], whole: bool = False) -> Source:
 
 def _loaded(path: str, files: Mapping[str, bytes]) -> Any:
     """The `mujoco.MjSpec` of a file; MuJoCo reads attached models from the disk only."""
+    # Warnings would be printed, and written to `MUJOCO_LOG.TXT` in the user's folder; what is wrong is an error later.
+    mujoco.set_mju_user_warning(lambda message: None)
     with tempfile.TemporaryDirectory() as folder:
         for name, text in flat.written(path, files).items():
             place = Path(folder, name)
