@@ -79,6 +79,11 @@ class Figure:
         self._sent = np.full((model.nbody, 7), np.nan)
         self.update(data)
 
+    @property
+    def followed(self) -> dict[int, str]:
+        """Body of the model -> the scene node that follows it."""
+        return {body: frame.name for body, frame in self._frames.items()}
+
     def update(self, data: Any) -> None:
         """Move the bodies that have moved since the last call."""
         now = np.concatenate([data.xpos, data.xquat], axis=1)

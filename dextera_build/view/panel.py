@@ -45,6 +45,16 @@ def note_slider(
     )
 
 
+def note_robot(server: Any, tree: Mapping[str, Any]) -> None:
+    """A slider for each joint of a robot; see `kinematic.tree`."""
+    noted(server).append({"kind": "robot", **tree})
+
+
+def has_robot(server: Any) -> bool:
+    """Whether the panel moves the joints of a robot."""
+    return any(control["kind"] == "robot" for control in noted(server))
+
+
 def note_wipe(server: Any, title: str, name: str) -> None:
     """A slider that wipes a picture from the right to the left; 0 hides it."""
     noted(server).append({"kind": "wipe", "title": title, "name": name})

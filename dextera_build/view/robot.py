@@ -11,13 +11,17 @@ import numpy as np
 from dextera_build.artifacts.robots.robot import RobotJoint, RobotModel
 from dextera_build.sim.model.reach import of_limb
 from dextera_build.sim.model.robot import load
+from dextera_build.view import kinematic
 from dextera_build.view.figure import Figure, add_label, look_from
+from dextera_build.view.panel import note_robot
 from dextera_build.view.switches import switch
 
 COLOURS = {"flange": (235, 170, 50), "palm": (60, 140, 220), "tip": (230, 85, 60), "": (150, 105, 200)}
 """Part of a role's name -> colour of its frame's origin; "" for all others."""
 AXES_M, DOT_M = 0.05, 0.007
 """Length of a frame's axes, and radius of its origin [m]."""
+BEHIND = (106, 122, 142)
+"""Colour of the background: unlike white, grey and black, as most robots are."""
 POSTURES = 1500
 """Number of random postures whose palms show the reach."""
 SWEEP_S, STEPS = 1.5, 13
@@ -45,8 +49,10 @@ class RobotView:
         self.sliders: dict[str, tuple[Any, float]] = {}
         reach = self._reach(name)
         server.gui.add_markdown(self._words())
+        server.scene.set_background_image(np.full((4, 4, 3), BEHIND, np.uint8), format="png")
         self._switches(reach)
         self._joints()
+        self._note(name)
         look_from(server, np.concatenate([self._data.xpos[1:], self._data.site_xpos]))
         self.pose({})
 
@@ -136,6 +142,16 @@ class RobotView:
             "Upper": lambda joint: joint.upper,
         }
         all_at.on_click(lambda _: self._move_all(wanted[all_at.value]))
+
+    def _note(self, name: str) -> None:
+        """The same sliders for a saved page."""
+        units = {joint: unit for joint, (_, unit) in self.sliders.items()}
+        found = kinematic.tree(self._robot, self._model, units, self.figure.followed)
+        for role, site in self._robot.frames.items():
+            found["nodes"].append(kinematic.node(self._model, f"{name}/roles/{role}", site))
+            label = kinematic.node(self._model, f"{name}/labels/{role}", site)
+            found["nodes"].append({**label, "above": 2 * DOT_M})
+        note_robot(self._server, found)
 
     def _move_all(self, wanted: Callable[[RobotJoint], float]) -> None:
         posture = {joint.name: wanted(joint) for joint in self._robot.joints}

@@ -34,9 +34,12 @@ def write(server: Any, path: Path, steps: Iterable[float] = ()) -> Path:
     Args:
         server: From `view.server.start`.
         path: A file with one of `SUFFIXES`.
-        steps: Moves the scene on with every item, which is the time that the state before it lasts [s].
+        steps: Moves the scene on with every item, which is the time that the state before it lasts [s]; left out of a
+            page whose sliders move a robot.
     """
     check(path)
+    if path.suffix == ".html" and panel.has_robot(server):
+        steps = ()
     recorder = server.get_scene_serializer()
     moves = False
     for seconds in steps:

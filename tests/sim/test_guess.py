@@ -163,7 +163,8 @@ def test_legs_are_no_arms():
 
 
 @pytest.mark.parametrize(
-    "names", [("fl_hip", "fl_uleg", "fl_lleg"), ("FR_leg", "upper_1", "lower_1"), ("l_shank_pitch",)]
+    "names",
+    [("fl_hip", "fl_uleg", "fl_lleg"), ("FR_leg", "upper_1", "lower_1"), ("l_shank_pitch",), ("abduction", "foot")],
 )
 def test_a_robot_of_legs_alone_has_no_hand(names):
     found, root = source()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -11,10 +13,19 @@ import pytest
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.geometry import quaternions
 from dextera_build.sim.model.robot import load
-from dextera_build.view.robot import POSTURES, RobotView
+from dextera_build.view import panel, save, server
+from dextera_build.view.robot import BEHIND, POSTURES, RobotView
 from tests.rules.simulate.robot_files import arm
 from tests.rules.simulate.test_imported_robot import URDF, made
+from tests.teleop.chromium import Screen, chromium
 from tests.view.test_view import Recorder
+
+FIELD = "document.querySelector('#dxb input[type=range]')"
+MOVED = """{{ const rows = [...document.querySelectorAll('#dxb label')];
+  const row = rows.find((e) => e.textContent.startsWith('{name} ['));
+  const bar = row.querySelector('input'); bar.value = {value}; bar.dispatchEvent(new Event('input')); }} 0"""
+POSE = """(() => {{ const pose = window.__viserMutable.nodePoseData['{name}'];
+  return [[...pose.position], [...pose.wxyz]]; }})()"""
 
 
 @pytest.fixture(scope="module")
@@ -84,6 +95,49 @@ def test_roles_have_colours_and_collision_and_reach_are_hidden(view: tuple[Recor
         box.value = True
         box.moved(None)
         assert all(each.visible for each in handles)
+
+
+def test_the_background_is_grey_and_a_saved_page_has_the_sliders(view: tuple[Recorder, RobotView]) -> None:
+    recorder, _ = view
+    assert (recorder.background == BEHIND).all()
+    (control,) = [each for each in panel.noted(recorder) if each["kind"] == "robot"]
+    told = {each["name"]: (each["low"], each["high"], each["home"]) for each in control["joints"]}
+    assert told["grip"] == (0.0, 0.04, 0.01)
+    assert {"/robot/upper", "/robot/roles/palm", "/robot/labels/palm"} <= {each["name"] for each in control["nodes"]}
+    assert {each["name"] for each in control["nodes"]} <= recorder.nodes.keys()
+
+
+@pytest.mark.slow
+def test_sliders_of_a_saved_page_move_the_robot_as_mujoco_does(robot: RobotModel, tmp_path: Path) -> None:
+    running, _ = server.start(port=18380)
+    try:
+        view = RobotView(running, "/robot", robot)
+        page = save.write(running, tmp_path / "robot.html", view.sweep())
+    finally:
+        server.stop(running)
+    wanted = {"shoulder": 0.7, "elbow": 1.1, "grip": 0.03}
+
+    async def use() -> dict[str, Any]:
+        async with chromium(tmp_path, Screen(900, 700)) as browser:
+            await browser.go(page.as_uri())
+            await browser.until("!!(window.__viserMutable?.nodeRefFromName['/robot/upper'] && " + FIELD + ")", 120)
+            for name, value in wanted.items():
+                await browser.run(MOVED.format(name=name, value=value))
+            await browser.until("!window.__viserMutable.messageQueue.length", 30)
+            await browser.picture(tmp_path / "robot.png")
+            names = ["/robot/upper", *(f"/robot/roles/{role}" for role in robot.frames)]
+            found = {name: await browser.run(POSE.format(name=name)) for name in names}
+            return {"poses": found, "moves": await browser.run("window.dxbMoves"), "faults": browser.faults}
+
+    found = asyncio.run(use())
+    assert (found["faults"], found["moves"]) == ([], False)
+    state = at(robot, wanted)
+    for name, (position, quaternion) in found["poses"].items():
+        role = name.rpartition("/")[2]
+        body = state.body("upper") if role == "upper" else state.site(robot.frames[role])
+        # A slider of the page has 500 steps.
+        np.testing.assert_allclose(position, body.xpos, atol=5e-3)
+        np.testing.assert_allclose(quaternions.to_matrix(np.array(quaternion)), body.xmat.reshape(3, 3), atol=1e-2)
 
 
 def test_a_recording_takes_every_joint_to_its_limits_and_back(

@@ -55,6 +55,9 @@ class Recorder:
 
         return add
 
+    def set_background_image(self, image: Any, **options: Any) -> None:
+        self.background = image
+
     def atomic(self) -> Any:
         return _Folder()
 

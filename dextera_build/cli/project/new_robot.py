@@ -13,6 +13,7 @@ from dextera_build.cli.project import robot_files, robot_text, written
 from dextera_build.cli.table import writing
 from dextera_build.errors import UsageError
 from dextera_build.project.project import Project
+from dextera_build.report.wording import count
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,6 +43,12 @@ def run(args: argparse.Namespace) -> int:
         robot_files.read(each.resolve(), project, args.repair_inertias, attached=number > 0)
         for number, each in enumerate(paths)
     ]
+    if not any(list(part.source.spec.joints) for part in parts):
+        raise UsageError(
+            f"`{paths[0].name}` has no joint: it is a tool, or a part of a robot",
+            code="DXB-U217",
+            hint="name the arm first: `dxb new robot ARM.xml TOOL.xml`",
+        )
     folder, copied = robot_files.gathered(parts, project, name)
     text = robot_text.Text(name, folder, parts, args.repair_inertias)
     with writing(out):
@@ -68,7 +75,7 @@ def _told(project: Project, name: str, out: Path, copied: dict[Path, bytes]) -> 
     if copied:
         size = sum(map(len, copied.values())) / 1e6
         place = project.shown(project.root / "robots" / name)
-        yield f"copied {len(copied)} files ({size:.1f} MB) to {place}"
+        yield f"copied {count(len(copied), 'file')} ({size:.1f} MB) to {place}"
     own = project.root / "recipes" / "robot" / f"{name}.yaml"
     others = [folder / "robot" / own.name for folder in project.recipe_folders()]
     if out.absolute() == own.absolute() and any(

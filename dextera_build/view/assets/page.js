@@ -68,6 +68,29 @@
       });
       return element("label", {}, `${control.title} `, told, bar);
     },
+    robot: (control) => {
+      const at = control.joints.map((joint) => joint.home);
+      const move = () => set(control, posed(control, at));
+      const rows = control.joints.map((joint, number) => {
+        const { low, high, home, unit } = joint;
+        const told = element("output", {}, (home * unit).toFixed(0));
+        const bar = element("input", { type: "range", min: low, max: high, step: (high - low) / 500, value: home });
+        bar.addEventListener("input", () => {
+          at[number] = Number(bar.value);
+          told.textContent = (at[number] * unit).toFixed(0);
+          move();
+        });
+        const row = element("label", {}, `${joint.name} [${unit < 100 ? "deg" : "mm"}] `, told, bar);
+        return { row, bar };
+      });
+      const home = element("button", { type: "button" }, "All joints at home");
+      home.addEventListener("click", () =>
+        rows.forEach(({ bar }, number) => {
+          bar.value = control.joints[number].home;
+          bar.dispatchEvent(new Event("input"));
+        }));
+      return element("div", {}, ...rows.map(({ row }) => row), home);
+    },
     wipe: (control) => {
       const told = element("output", {}, "0");
       const bar = element("input", { type: "range", min: 0, max: 100, step: 1, value: 0 });
@@ -78,6 +101,35 @@
       });
       return element("label", {}, `${control.title} `, told, bar);
     },
+  };
+
+  // Poses are position and quaternion w, x, y, z.
+  const times = ([a, b, c, d], [e, f, g, h]) =>
+    [a * e - b * f - c * g - d * h, a * f + b * e + c * h - d * g, a * g - b * h + c * e + d * f, a * h + b * g - c * f + d * e];
+  const turned = (q, v) => times(times(q, [0, ...v]), [q[0], -q[1], -q[2], -q[3]]).slice(1);
+  const sum = (a, b, by = 1) => a.map((value, i) => value + by * b[i]);
+  const within = ([p, q], pose) => [sum(p, turned(q, pose.slice(0, 3))), times(q, pose.slice(3))];
+  const jointed = ([p, q], joint, by) => {
+    if (!joint.turns) return [sum(p, turned(q, joint.axis), by), q];
+    const spun = times(q, [Math.cos(by / 2), ...joint.axis.map((value) => value * Math.sin(by / 2))]);
+    return [sum(sum(p, turned(q, joint.at)), turned(spun, joint.at), -1), spun];
+  };
+  // Messages that pose the nodes of a robot whose joints are `at` [rad or m]; see view/kinematic.py.
+  const posed = (robot, at) => {
+    const poses = [[[0, 0, 0], [1, 0, 0, 0]]];
+    robot.bodies.forEach((body) => {
+      const start = within(poses[body.parent], body.pose);
+      poses.push(body.joints.reduce(
+        (pose, joint) => jointed(pose, joint, (joint.of < 0 ? 0 : joint.ratio * at[joint.of]) + joint.offset), start));
+    });
+    return robot.nodes.flatMap((node) => {
+      const [p, wxyz] = within(poses[node.body], node.pose);
+      const name = node.name;
+      return [
+        { type: "SetPositionMessage", name, position: [p[0], p[1], p[2] + (node.above || 0)] },
+        { type: "SetOrientationMessage", name, wxyz },
+      ];
+    });
   };
 
   // A picture is a plane of four corners: its right ones move, and so does what they show.

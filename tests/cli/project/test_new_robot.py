@@ -145,6 +145,14 @@ def test_two_robots_in_files_of_one_name_keep_their_own_files(space, tmp_path):
     assert space.dxb("new", "robot", files["jaco"], "-o", "recipes/robot/jaco.yaml").code == 0  # the same bytes
 
 
+def test_a_file_without_a_joint_is_no_robot(space):
+    space.write("tool.xml", '<mujoco><worldbody><body name="tool"><geom size=".1"/></body></worldbody></mujoco>')
+    answer = space.dxb("new", "robot", "tool.xml")
+    assert answer.code == 2
+    assert "error[DXB-U217]: `tool.xml` has no joint" in answer.err
+    assert not (space.root / "recipes").exists()
+
+
 def test_a_recipe_outside_of_recipes_is_told_its_place(space):
     put(space.root / "robots", dict(arm().files))
     answer = space.dxb("new", "robot", "robots/arm_description/urdf/arm.urdf", "-o", "mine.yaml")

@@ -37,9 +37,11 @@ def branches_of(top: Any) -> list[Branch]:
 
 
 def _is_leg(body: Any) -> bool:
-    """Whether a chain begins with a link that is called as one of a leg, or holds nothing but such chains."""
+    """Whether a link is called as one of a leg, or all that moves below it is, or a fixed body at the chain's end."""
     inner = moving(body)
-    return bool(_LEG.search(body.name)) or (bool(inner) and not list(body.joints) and all(map(_is_leg, inner)))
+    if not inner:
+        return any(_LEG.search(each.name) for each in subtree(body))
+    return bool(_LEG.search(body.name)) or all(map(_is_leg, inner))
 
 
 def _walk(top: Any, body: Any, above: int, others: list[Any]) -> Iterator[Branch]:

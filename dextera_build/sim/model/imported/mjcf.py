@@ -68,6 +68,8 @@ def read(path: str, files: Mapping[str, bytes], whole: bool = False) -> Source:
 
 def _loaded(path: str, files: Mapping[str, bytes]) -> Any:
     """The `mujoco.MjSpec` of a file; MuJoCo reads attached models from the disk only."""
+    # Warnings would be printed, and written to `MUJOCO_LOG.TXT` in the user's folder; what is wrong is an error later.
+    mujoco.set_mju_user_warning(lambda message: None)
     with tempfile.TemporaryDirectory() as folder:
         for name, text in flat.written(path, files).items():
             place = Path(folder, name)
@@ -85,9 +87,14 @@ def _only_bodies(text: str, whole: bool) -> str:
     for tag in ("option", "size", "visual", "statistic", "keyframe"):
         for element in root.findall(tag):
             root.remove(element)
+    # The root class of a model that is attached without a prefix has no name, and MuJoCo does not read what it wrote.
+    for number, element in enumerate(each for each in root.findall("default/default") if not each.get("class")):
+        if any(each.tag != "default" for each in element):
+            raise wrong("a model attached without a prefix sets defaults of no class", hint="attach it with a prefix")
+        element.set("class", f"attached_{number}")
     world = root.find("worldbody")
     if whole and world is not None:
-        children = [each for each in world if each.tag in ("body", "geom", "site")]
+        children = [each for each in world if each.tag in ("body", "frame", "geom", "site")]
         holder = ET.SubElement(world, "body", name=WHOLE)
         for each in children:
             world.remove(each)

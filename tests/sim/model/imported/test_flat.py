@@ -10,6 +10,7 @@ import pytest
 from dextera_build.artifacts.cameras.image import png
 from dextera_build.errors import RuleError
 from dextera_build.sim.model.imported import flat, mjcf, urdf
+from dextera_build.sim.model.imported.source import WHOLE
 from tests.rules.simulate.robot_files import ARM
 
 GEOM = '<m><geom name="included" size=".1" mass="2"/></m>'
@@ -55,6 +56,26 @@ def test_includes_and_attached_models_of_the_input_are_read():
         assert [geom.name for geom in found.spec.geoms][-1] == "included"
     assert attached.spec.body("p_h") is not None
     assert len(attached.spec.body("p_h").geoms) == 2
+
+
+def test_several_roots_in_frames_are_put_into_one_link():
+    body = '<frame pos="0 0 {0}"><body name="b{0}"><joint name="j{0}" range="-1 1"/><geom size=".1"/></body></frame>'
+    text = f"<mujoco><worldbody>{body.format(1)}{body.format(2)}</worldbody></mujoco>"
+    spec = mjcf.read("in/r.xml", {"in/r.xml": text.encode()}, whole=True).spec
+    assert [each.name for each in spec.worldbody.bodies] == [WHOLE]
+    assert spec.body("b2").parent.name == WHOLE
+    assert spec.compile().body("b2").pos[2] == 2
+
+
+@pytest.mark.filterwarnings("ignore:Attaching a spec")
+def test_a_model_attached_without_a_prefix_keeps_its_classes():
+    attach = ('<frame><attach model="h" body="h" prefix=""/></frame>', '<model name="h" file="../s/h.xml"/>')
+    own = '<default><default class="soft"><geom friction="2"/></default></default>'
+    hand = HAND.replace("<geom", '<geom class="soft"').replace("<worldbody", f"{own}<worldbody", 1)
+    found = read(robot(*attach), s__h_xml=hand)
+    assert found.spec.body("h").geoms[0].friction[0] == 2
+    plain = HAND.replace("<worldbody", '<default><geom friction="2"/></default><worldbody', 1)
+    assert "attached without a prefix" in refused(robot(*attach), s__h_xml=plain).message
 
 
 @pytest.mark.parametrize("name", ["../../i.xml", "{}/i.xml", "file://{}/i.xml", "i.xml"])
