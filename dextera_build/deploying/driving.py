@@ -122,8 +122,7 @@ def drive(
         due = clock.now()
         while True:
             targets = policy.act(deployable(measured, cell.previous_action, goal, added))
-            if halt is not None and halt.is_set():  # also while the policy thought
-                raise cell.stop("the operator stopped it")
+            _heed(halt, cell)  # also while the policy thought
             cell.send(targets)
             ran.steps += 1
             sent.append(clock.now())
@@ -161,6 +160,12 @@ def facts(cell: RosCell, bundle: TaskBundle) -> dict[str, str]:
         "limits": cell.safety.limits.model_dump_json(),
         "ramp_s": f"{cell.safety.ramp_s:g}",
     }
+
+
+def _heed(halt: threading.Event | None, cell: RosCell) -> None:
+    """Raise if the operator stops the run."""
+    if halt is not None and halt.is_set():
+        raise cell.stop("the operator stopped it")
 
 
 def _next(clock: Clock, due: int) -> int:

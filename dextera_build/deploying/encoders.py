@@ -41,10 +41,11 @@ class Encoders:
         self._low, self._high = np.zeros(len(self._names)), np.zeros(len(self._names))
         self._shown = np.zeros(len(self._names), bool)
         self._last: tuple[float, np.ndarray] | None = None
+        self._commands = False
 
     def sent(self, targets: np.ndarray) -> None:
         """Note targets (A,) that were sent [rad or m]."""
-        away = targets - self._start
+        away, self._commands = targets - self._start, True
         self._low, self._high = np.minimum(self._low, away), np.maximum(self._high, away)
 
     def fault(self, time_s: float, positions: np.ndarray) -> str:
@@ -56,7 +57,8 @@ class Encoders:
             if len(jumped):
                 told = [f"{self._names[row]} from {before[1][row]:.3f} to {positions[row]:.3f}" for row in jumped]
                 return f"positions jumped in {time_s - before[0]:.3f} s: {', '.join(told)}"
-        return self._astray(positions - self._start)
+        # Where nothing is sent, as while a demonstration is recorded, another program moves the joints.
+        return self._astray(positions - self._start) if self._commands else ""
 
     def _astray(self, away: np.ndarray) -> str:
         """Joints that moved opposite to all their targets since the beginning, or far beyond them, (A,) [rad or m]."""
