@@ -44,6 +44,8 @@ class GuardOptions(Limits, Options):
     """Fraction of every joint's speed limit that targets may use."""
     force_n: PositiveFloat | None = None
     """Force on a fingertip at which the robot is stopped and the take has failed [N]; empty: none."""
+    silence_s: PositiveFloat = 1.0
+    """Not used: a recording has no camera that could fall silent [s]."""
 
 
 class RetargetOptions(Options):

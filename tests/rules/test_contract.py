@@ -117,6 +117,7 @@ POSITIONS = {
     "factorize.listed.elements.joints.range_deg",
     "factorize.listed.elements.joints.at_deg",
     "demonstrate.operate.hands.heading_deg",
+    "demonstrate.operate.hands.limits.workspace_m",
     "simulate.cell.limits.workspace_m",
     "simulate.imported_robot.limbs.gripper.open",
     "simulate.imported_robot.limbs.gripper.closed",

@@ -26,6 +26,7 @@ from tests.e2e.space import Space
 
 RECIPES = Path(__file__).parents[3] / "recipes"
 OF_OWN_FILES = {
+    "align.camera_motion",
     "align.track",
     "align.follow",
     "align.matches",
