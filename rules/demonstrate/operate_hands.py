@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from dextera_build.artifacts.robots.cell import Limits
+from dextera_build.artifacts.robots.cell import Corner, Limits
 from dextera_build.artifacts.robots.hand_stream import HandStream
 from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.artifacts.tasks.task import TaskBundle
@@ -37,15 +37,19 @@ BACKEND = Backend(
 _DEFAULT = Retargeting()
 
 
-class GuardOptions(Limits, Options):
+class GuardOptions(Options):
     """Limits that a guard enforces on targets, as in a robot's cell."""
 
     speed: float = Field(1.0, gt=0.0, le=1.0)
     """Fraction of every joint's speed limit that targets may use."""
+    workspace_m: tuple[Corner, Corner] | None = None
+    """Lowest and highest x, y, z of every palm in the base frame [m]; empty: unlimited."""
     force_n: PositiveFloat | None = None
     """Force on a fingertip at which the robot is stopped and the take has failed [N]; empty: none."""
-    silence_s: PositiveFloat = 1.0
-    """Not used: a recording has no camera that could fall silent [s]."""
+
+    def limits(self) -> Limits:
+        """The same for a guard."""
+        return Limits(**self.model_dump())
 
 
 class RetargetOptions(Options):
@@ -102,7 +106,9 @@ def operate(
     own, constants = hands_of(bundle.robot), motion.headed(options.constants(), recording)
     environment = Environment(patient(bundle, recording, takes), terms=of_specs(terms, ctx.companion))
     recorded = recording.workplace.limits if recording.workplace is not None else Limits()
-    driver = Driver(environment, apart_m=constants.apart_m, limits=options.limits or recorded)
+    driver = Driver(
+        environment, apart_m=constants.apart_m, limits=options.limits.limits() if options.limits else recorded
+    )
     filters = Filters(lag_m=common.lag_m, press_n=common.press_n, fingers=True)
     items: dict[str, Episode] = {}
     failures: dict[str, Episode] = {}
