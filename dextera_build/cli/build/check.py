@@ -131,7 +131,7 @@ def _compare(session: Session, graph: Graph, row: dict[str, Any], *, needs_all: 
 def _resolved(plan: Plan) -> str:
     if plan.absent:
         return f"sound, needs an input: {plan.absent[0].message}"
-    return f"sound, {len(list(plan.graph.calls()))} calls"
+    return f"sound, {count(len(list(plan.graph.calls())), 'call')}"
 
 
 def _repeat(session: Session, node: str) -> str:

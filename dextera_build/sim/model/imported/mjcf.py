@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import posixpath
 import tempfile
+import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
@@ -32,6 +33,13 @@ def read(path: str, files: Mapping[str, bytes], whole: bool = False) -> Source:
     Raises:
         RuleError: MuJoCo cannot load it, a mesh is missing, or it contains elements that no robot has.
     """
+    with warnings.catch_warnings():
+        # A prefix is told to be missing, but the model is compiled and written all the same.
+        warnings.filterwarnings("ignore", "Attaching a spec with an empty prefix", UserWarning)
+        return _read(path, files, whole=whole)
+
+
+def _read(path: str, files: Mapping[str, bytes], *, whole: bool) -> Source:
     spec = _loaded(path, files)
     found = Source(spec)
     _name_all(spec)

@@ -67,7 +67,7 @@ def test_several_roots_in_frames_are_put_into_one_link():
     assert spec.compile().body("b2").pos[2] == 2
 
 
-@pytest.mark.filterwarnings("ignore:Attaching a spec")
+@pytest.mark.filterwarnings("error")
 def test_a_model_attached_without_a_prefix_keeps_its_classes():
     attach = ('<frame><attach model="h" body="h" prefix=""/></frame>', '<model name="h" file="../s/h.xml"/>')
     own = '<default><default class="soft"><geom friction="2"/></default></default>'
