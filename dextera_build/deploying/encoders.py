@@ -1,8 +1,9 @@
 """Notices joint states that cannot be those of the joints that are commanded.
 
-A position that jumps is none of a joint. A joint that goes away from its targets has positions of another sign than its
-commands, or those of another joint, and the policy would send it further and further. A joint whose positions and
-commands both have the other sign follows its targets, and does not show here.
+A position that jumps is none of a joint. A joint of an arm that goes away from its targets has positions of another
+sign than its commands, or those of another joint, and the policy would send it further and further. A joint whose
+positions and commands both have the other sign follows its targets, and does not show here. Fingers are not compared
+with their targets: what they touch, and the arm's own motion, move them as well.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ class Encoders:
             np.array([getattr(joint, name) for joint in robot.joints]) for name in ("lower", "upper", "velocity")
         )
         self._moved = np.minimum(MOVED_RAD, OF_RANGE * (upper - lower))
+        self._stiff = np.array([joint.group == "arm" for joint in robot.joints])
         self.begin(np.zeros(len(self._names)))
 
     def begin(self, positions: np.ndarray) -> None:
@@ -61,12 +63,12 @@ class Encoders:
         return self._astray(positions - self._start) if self._commands else ""
 
     def _astray(self, away: np.ndarray) -> str:
-        """Joints that moved opposite to all their targets since the beginning, or far beyond them, (A,) [rad or m]."""
+        """Joints of arms that moved opposite to all their targets, or far beyond them; `away` (A,) [rad or m]."""
         up, down = away > self._moved, away < -self._moved
         sent_up, sent_down = self._high > self._moved, self._low < -self._moved
         self._shown |= (up & sent_up) | (down & sent_down)
         opposite = ~self._shown & ((up & sent_down & ~sent_up) | (down & sent_up & ~sent_down))
         wrong = opposite | (np.maximum(away - self._high, self._low - away) > BEYOND * self._moved)
-        names = [self._names[row] for row in np.flatnonzero(wrong)]
+        names = [self._names[row] for row in np.flatnonzero(wrong & self._stiff)]
         told = "positions and commands have different signs, or belong to different joints"
         return f"{listing(names)} moved away from the targets: {told}" if names else ""
