@@ -156,7 +156,7 @@ class Training:
     def _augmented(self, inputs: Mapping[str, Tensor], random: torch.Generator) -> dict[str, Tensor]:
         options, changed = self._options, dict(inputs)
         if options.jitter:
-            for name in self._samples.inputs.keys() - {WORLD}:  # a flag is no measurement
+            for name in (each for each in self._samples.inputs if each != WORLD):  # a flag is no measurement
                 noise = torch.randn(changed[name].shape, generator=random).to(changed[name].device)
                 changed[name] = changed[name] + options.jitter * noise
         for channel in self._data.contract.seen:
