@@ -1,7 +1,7 @@
 """The tracker of a robot: poses of a task's objects from one RGB-D camera, published as any tracker would publish them.
 
 It is a program of its own, so that a frame delays no control period. Poses have the stamp of the frame in which they
-were seen. An object that is lost has none: whoever needs it, stops.
+were seen. No pose is published of a lost object, and a policy that needs it is stopped.
 """
 
 from __future__ import annotations
@@ -21,13 +21,11 @@ from dextera_build.errors import ArtifactError, MachineError
 from dextera_build.formats.ros import images
 from dextera_build.formats.ros.reading import SECOND
 from dextera_build.policy.observation import Measurement
-from dextera_build.sim.runtime.cell_tracker import PHOTOGRAPHED, CellTracker, Found
+from dextera_build.sim.runtime.cell_tracker import AWAY_S, PHOTOGRAPHED, CellTracker, Found
 from dextera_build.tracking.tracked_object import Status
 
 TOGETHER_NS = SECOND // 50
 """Largest difference of the stamps of a picture and its depth [ns], which drivers that register depth make equal."""
-AWAY_S = 10.0
-"""Time between the photograph and the first frame, in which objects were moved, unseen [s]."""
 FRAME_S = 1 / 15
 """Time between the frames in which the photographed scene is shown [s]."""
 

@@ -86,8 +86,9 @@ def built(session: Session, order: Order, locking: Locking, watch: Watch | None,
     """Build, and build again once the user has consented to send the refused data."""
     from dextera_build.cli.build.consent import agreed
 
+    twin = own.twin(session.project) if session.recipe.startswith("robot/") else ""
     while True:
-        with console(session.project.console, sys.stderr, verbose=verbose, twin=own.twin(session.project)) as shown:
+        with console(session.project.console, sys.stderr, verbose=verbose, twin=twin) as shown:
             done = build.build(session, order, locking, shown, watch)
         if done.ok or not agreed(session.project, done):
             return done

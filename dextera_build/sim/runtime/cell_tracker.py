@@ -25,6 +25,8 @@ from dextera_build.tracking.tracker import Tracker
 Found = Mapping[str, Tracked]
 PHOTOGRAPHED = 5
 """Number of frames of the photographed scene from which the tracker learns the appearance of its objects."""
+AWAY_S = 10.0
+"""Time between the photograph and the next frame, in which objects are moved, unseen [s]."""
 
 
 class CellTracker:

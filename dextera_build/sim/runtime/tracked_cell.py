@@ -27,12 +27,10 @@ from dextera_build.policy.observation import Frames, Measurement
 from dextera_build.sim.primitives import catalogue
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.cell_camera import CellCamera, Picture
-from dextera_build.sim.runtime.cell_tracker import PHOTOGRAPHED, CellTracker, Found
+from dextera_build.sim.runtime.cell_tracker import AWAY_S, PHOTOGRAPHED, CellTracker, Found
 from dextera_build.sim.runtime.environment import Environment
 
 NOT_FOUND = "the tracker did not find the object"
-AWAY_S = 10.0
-"""Time in which the objects are moved, unseen [s]."""
 WAIT_S = 1.0
 """Time after a trial in which late results of the tracker may still show success [s]."""
 CONFIRMED = 5

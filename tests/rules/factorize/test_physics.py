@@ -14,6 +14,8 @@ from dextera_build.errors import RuleError
 from dextera_build.geometry import massprops, solids
 from dextera_build.statistics import Z90
 from dextera_build.testing import RuleRunner
+from rules.factorize import household
+from rules.factorize.elements import naming
 from tests import factories, object_views
 
 
@@ -208,6 +210,11 @@ def ball(radius: float) -> Mesh:
     heights = radius * (1.0 + np.sin(angle))
     rings = [solids.ring(r, r, 2.0, z, 24) for r, z in zip(radius * np.cos(angle), heights, strict=True)]
     return object_views.mesh(solids.loft(np.stack(rings)))
+
+
+def test_the_words_of_colours_are_those_of_parsing():
+    plain = {"brown", "white", "gray", "black"}
+    assert {word for _, word in naming.HUES} | plain == set(household.COLOURS)
 
 
 def test_the_colour_tells_things_of_one_size_apart(runner):

@@ -63,7 +63,7 @@ def roles(source: Source, root: str) -> Guess:
     """Arms, hands, flanges, palms and fingertips below a link, whose name in the model is `base`.
 
     Raises:
-        RuleError: All that moves is legs.
+        RuleError: The robot has legs alone.
     """
     found = Guess()
     branches = limbs.branches_of(source.spec.body(root))

@@ -29,7 +29,7 @@ class Branch:
 
 
 def branches_of(top: Any) -> list[Branch]:
-    """The arms below a link, without legs, or one of a hand alone; none if all that moves is legs."""
+    """The arms below a link, without legs, or one of a hand alone; none if the robot has legs alone."""
     if moving(top) and all(map(_is_leg, moving(top))):
         return []
     found = list(_walk(top, top, 0, []))
@@ -37,7 +37,7 @@ def branches_of(top: Any) -> list[Branch]:
 
 
 def _is_leg(body: Any) -> bool:
-    """Whether a link is called as one of a leg, or all that moves below it is, or a fixed body at the chain's end."""
+    """Whether a link is named as part of a leg, or all moving links below it are, or the fixed body at its end."""
     inner = moving(body)
     if not inner:
         return any(_LEG.search(each.name) for each in subtree(body))
