@@ -22,7 +22,7 @@ _MOST_BYTES = 1 << 26
 
 def save(track: MaskTrack, path: Path) -> list[Path]:
     """The archive, with names, times and scores in `meta.json`."""
-    said: dict[str, Any] = {"names": list(track.names), "stamps_s": track.stamps.tolist()}
+    said: dict[str, Any] = {"names": list(track.names), "stamps_s": track.stamps.tolist(), "first": track.first}
     if track.scores is not None:
         said["scores"] = track.scores.tolist()
     with track.file.open() as raw, zipfile.ZipFile(raw) as archive, zipfile.ZipFile(path, "w") as target:
@@ -66,4 +66,4 @@ def _of_archive(archive: zipfile.ZipFile, stamps: np.ndarray | None) -> MaskTrac
 
     names = said.get("names") or range(1, max(int(labels.max(initial=0)) for labels in frames()) + 1)
     scores = said.get("scores") or [None] * len(members)
-    return MaskTrack.of(list(map(str, names)), times, zip(frames(), scores, strict=True))
+    return MaskTrack.of(list(map(str, names)), times, zip(frames(), scores, strict=True), said.get("first"))

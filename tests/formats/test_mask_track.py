@@ -69,7 +69,11 @@ def test_the_archive_is_that_of_davis(tmp_path: Path):
     (path,) = track().save(tmp_path / "a.zip")
     with zipfile.ZipFile(path) as archive:
         assert archive.namelist() == [*(f"{number:05d}.png" for number in range(5)), "meta.json"]
-        assert json.loads(archive.read("meta.json")) == {"names": ["mug", "pen"], "stamps_s": STAMPS.tolist()}
+        assert json.loads(archive.read("meta.json")) == {
+            "names": ["mug", "pen"],
+            "stamps_s": STAMPS.tolist(),
+            "first": None,
+        }
         for number, labels in enumerate(maps()):
             picture = Pillow.open(io.BytesIO(archive.read(f"{number:05d}.png")))
             assert picture.mode == "P"

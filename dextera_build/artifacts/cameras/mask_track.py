@@ -10,7 +10,7 @@ from functools import cache
 from typing import Annotated, Self
 
 import numpy as np
-from pydantic import Field, PositiveInt, model_validator
+from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
 from dextera_build.artifacts.base import Array, Artifact, File
 from dextera_build.artifacts.core.file_errors import unreadable
@@ -48,6 +48,8 @@ class MaskTrack(Artifact):
     """Pixels of each object in each frame; 0 where it is not visible."""
     scores: Annotated[np.ndarray, Array("N K", "float32")] | None = None
     """Confidence of the method that the object is visible, 0..1; None if it has none."""
+    first: NonNegativeInt | None = None
+    """Number of the frame whose masks were given, from which the others follow; None if unknown."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -63,6 +65,8 @@ class MaskTrack(Artifact):
             wrong = "the areas of a frame are negative, or larger than the frame"
         elif self.scores is not None and (self.scores.min() < 0 or self.scores.max() > 1):
             wrong = "a score is not within 0 and 1"
+        elif self.first is not None and self.first >= len(self.stamps):
+            wrong = f"its first frame is number {self.first} of {len(self.stamps)}"
         if wrong:
             raise ArtifactError(
                 f"MaskTrack: {wrong}", code="DXB-A525", hint="`MaskTrack.of` makes one from label maps, frame by frame"
@@ -70,13 +74,16 @@ class MaskTrack(Artifact):
         return self
 
     @classmethod
-    def of(cls, names: Sequence[str], stamps: np.ndarray, frames: Iterable[_Frame]) -> MaskTrack:
+    def of(
+        cls, names: Sequence[str], stamps: np.ndarray, frames: Iterable[_Frame], first: int | None = None
+    ) -> MaskTrack:
         """Encode label maps, one by one.
 
         Args:
             names: Name of label 1, 2, ...
             stamps: (N,) time of each frame [s].
             frames: For each frame, labels (H, W) uint8 and scores (K,), or None if the method has no scores.
+            first: Number of the frame whose masks were given.
 
         Raises:
             ArtifactError: There are more or fewer frames than stamps, of different sizes, or with unnamed labels.
@@ -109,6 +116,7 @@ class MaskTrack(Artifact):
             stamps=stamps,
             areas=np.array(areas, np.int32).reshape(-1, len(names)),
             scores=np.array(scores) if scores else None,
+            first=first,
         )
 
     @property

@@ -35,7 +35,7 @@ class FollowBackend(Protocol):
         ...
 
 
-@rule(version=2, packages=("av", "numpy", "pillow"))
+@rule(version=3, packages=("av", "numpy", "pillow"))
 def follow(
     ctx: Context[FollowBackend],
     video: Video | RgbdVideo,
@@ -59,14 +59,14 @@ def follow(
         )
     count = len(video.stamps)
     ctx.check(options.frame < count, f"the video has no frame {options.frame}", frames=f"0 to {count - 1}")
-    if isinstance(video, Video) and options.frame == 0:
-        found = _followed(ctx, video, labels, names)
+    if isinstance(video, RgbdVideo) or options.frame:
+        later = parts.part(ctx, video, range(options.frame, count), "after")
     else:
-        after = _followed(ctx, parts.part(ctx, video, range(options.frame, count), "after"), labels, names)
-        before = None
-        if options.frame:
-            before = _followed(ctx, parts.part(ctx, video, range(options.frame, -1, -1), "before"), labels, names)
-        found = parts.joined(after, before, video.stamps)
+        later = video
+    after, before = _followed(ctx, later, labels, names), None
+    if options.frame:
+        before = _followed(ctx, parts.part(ctx, video, range(options.frame, -1, -1), "before"), labels, names)
+    found = parts.joined(after, before, video.stamps)
     ctx.say(_summary(found))
     ctx.metric("seen", float(found.seen.mean()), "fraction")
     ctx.preview(_overlay(video, found), "first, middle and last frame")

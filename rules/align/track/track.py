@@ -25,8 +25,9 @@ from .reported import reported
 class TrackOptions(Options):
     """Options of align.track."""
 
-    first: NonNegativeInt = 0
-    """Number of the frame in which the objects are at their placements; earlier frames are tracked backwards."""
+    first: NonNegativeInt | None = None
+    """Number of the frame in which the objects are at their placements, by default that of the masks, or 0; earlier
+    frames are tracked backwards."""
     camera: Literal["stands", "stated", "unknown"] = "stands"
     """Whether the camera is static, moves as the video states, or moves in an unknown way. Poses are in the world of
     the assets, or in the frame of the camera if its motion is unknown."""
@@ -71,7 +72,7 @@ class TrackBackend(Protocol):
 
 # A filter propagates rounding differences from frame to frame, and pixels at a threshold come and go.
 @rule(
-    version=2,
+    version=3,
     packages=("numpy", "opencv-python-headless", "open3d"),
     tolerance=Tolerance({"": ROUNDING, "tracks.poses": 0.01, "tracks.covariances": 1e-3}),
 )
@@ -90,17 +91,18 @@ def track(
     was extrapolated for a short time, and `lost` otherwise; masks of a video segmentation reveal drift.
     """
     options = options or TrackOptions()
+    first = _first(ctx, video, masks, options)
     _check(ctx, video, assets.items, masks, options)
     world = support.camera_pose.matrix
     starts = {name: transforms.invert(world) @ asset.pose.matrix for name, asset in assets.items.items()}
     found: dict[int, dict[str, Tracked]] = {}
     count = len(video.stamps)
-    for numbers in (range(options.first, count), range(options.first, -1, -1)):
+    for numbers in (range(first, count), range(first, -1, -1)):
         if len(numbers) > 1 or not found:
             job = Job(video, numbers, assets.items, starts, options.camera, masks)
             found |= dict(zip(numbers, ctx.backend.track(ctx, job, ctx.backend_options), strict=True))
     rows = [found[number] for number in range(count)]
-    made = reported(video, assets.items, rows, _cameras(video, world, options))
+    made = reported(video, assets.items, rows, _cameras(video, world, options.camera, first))
     for name, each in made.tracks.items():
         ctx.metric(f"tracked.{name}", each.status.count("tracked") / count, "fraction")
     ctx.preview(overlay.draw(video, assets.items, rows), "outlines in the first, the middle and the last frame")
@@ -108,15 +110,26 @@ def track(
     return made
 
 
+def _first(ctx: Context[Any], video: RgbdVideo, masks: MaskTrack | None, options: TrackOptions) -> int:
+    """Number of the frame in which the objects are at their placements."""
+    given = None if masks is None else masks.first
+    if given is not None and options.first not in (None, given):
+        ctx.fail(
+            "the masks were given in another frame than the placements",
+            first=options.first,
+            masks=f"given in frame {given}",
+            hint="state the number of the photograph's frame as option `frame` of align.follow only",
+        )
+    first = given if options.first is None else options.first
+    first = 0 if first is None else first
+    ctx.check(first < len(video.stamps), f"the video has no frame {first}", frames=f"0 to {len(video.stamps) - 1}")
+    return first
+
+
 def _check(
     ctx: Context[Any], video: RgbdVideo, assets: dict[str, Asset], masks: MaskTrack | None, options: TrackOptions
 ) -> None:
     ctx.check(bool(assets), "there is no asset to track", hint="build assets first: `twin/tabletop`")
-    ctx.check(
-        options.first < len(video.stamps),
-        f"the video has no frame {options.first}",
-        frames=f"0 to {len(video.stamps) - 1}",
-    )
     ctx.check(
         options.camera != "stated" or video.poses is not None,
         "the video does not state how its camera moves",
@@ -145,14 +158,14 @@ def _size(video: RgbdVideo) -> tuple[int, int]:
     return video.camera.height, video.camera.width
 
 
-def _cameras(video: RgbdVideo, world: np.ndarray, options: TrackOptions) -> np.ndarray | None:
+def _cameras(video: RgbdVideo, world: np.ndarray, moves: str, first: int) -> np.ndarray | None:
     """T_world_camera (N, 4, 4) of each frame in the world of the assets; None if unknown."""
-    if options.camera == "unknown":
+    if moves == "unknown":
         return None
-    if options.camera == "stands":
+    if moves == "stands":
         return np.tile(world, (len(video.stamps), 1, 1))
     assert video.poses is not None
-    return np.asarray(world @ transforms.invert(video.poses[options.first]) @ video.poses)
+    return np.asarray(world @ transforms.invert(video.poses[first]) @ video.poses)
 
 
 def _summary(made: Tracking) -> str:

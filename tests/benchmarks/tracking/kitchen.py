@@ -73,7 +73,7 @@ def measured(store: Path) -> dict[str, list[Row]]:
     """Name -> rows of all views, of what is built in `store`."""
     project = Project.find(REPO, cache=str(store))
     inputs = {"capture": CAPTURE, "recording": CAPTURE}
-    settings = {"tracks.first": FIRST, "tracks.camera": "unknown"}
+    settings = {"followed.frame": FIRST, "tracks.camera": "unknown"}
     built = project.build("twin/tracked", inputs=inputs, settings=settings)
     tracking, video, support = (built.artifact(node) for node in ("tracks", "video", "ground"))
     assert isinstance(tracking, Tracking)

@@ -166,5 +166,6 @@ def test_an_rgbd_video_is_followed_from_a_frame_in_its_middle_in_both_directions
     found: MaskTrack = runner.run("align.follow", video=rgbd, first=first, options={"frame": 4})
     assert np.array_equal(found.stamps, stamps)
     assert films.iou(maps(found), true, 1).min() > 0.93
+    assert found.first == 4
     with pytest.raises(RuleError, match="the video has no frame 9"):
         runner.run("align.follow", video=rgbd, first=first, options={"frame": 9})

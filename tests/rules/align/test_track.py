@@ -108,6 +108,20 @@ def test_masks_are_taken_by_name(runner: RuleRunner, video: RgbdVideo, film: lis
         run(runner, video, masks=late)
 
 
+def test_the_first_frame_is_that_of_the_masks(
+    runner: RuleRunner, video: RgbdVideo, film: list[tuple[RgbdFrame, np.ndarray]]
+):
+    """Stated to two rules, the number was once given to one, and the masks were those of another frame."""
+    masks = MaskTrack.of(("box",), video.stamps, ((each.astype(np.uint8), None) for _, each in film), first=3)
+    time = 3 / RATE
+    given = {"assets": Collection[Asset](items={"box": asset(path(time))}), "support": support(time), "masks": masks}
+    found: Tracking = runner.run("align.track", video=video, options={"camera": "stated"}, **given)
+    assert found.tracks["box"].poses[3, :3] == pytest.approx(path(time)[:3, 3], abs=0.004)
+    with pytest.raises(RuleError, match="the masks were given in another frame") as caught:
+        run(runner, video, 2, masks=masks)
+    assert caught.value.facts == {"first": "2", "masks": "given in frame 3"}
+
+
 def test_a_mesh_in_millimetres_is_refused(runner: RuleRunner, video: RgbdVideo):
     """Trap 23: trackers fail in silence on meshes that are not in metres."""
     large = factories.box_asset(path(0.0), (60.0, 90.0, 120.0))
