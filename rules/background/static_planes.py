@@ -40,8 +40,9 @@ SOFT = 0.006
 MOST_SHADE = 1.08
 """Gain of what a further photograph shows above which it lies in a shadow; a surface has a coarse pattern if it needs
 a larger one elsewhere."""
-MOST_GAIN = 1.6
-"""Maximum gain when removing shadows and reflections."""
+LEAST_GAIN, MOST_GAIN = 1.0 / MOST_SHADE, 1.6
+"""Minimum and maximum gain when removing shadows and reflections. A shadow only darkens, and light that an object
+reflects adds little, so that a brighter part of the surface is its own."""
 TEXTURE = 0.95
 """Part of the surface away from objects whose differences from the smooth illumination are its pattern."""
 
@@ -193,7 +194,7 @@ def _gain(
     own = float(np.quantile(apart[rest], TEXTURE))
     if own > np.log(MOST_SHADE):
         ratio *= np.clip((apart - own) / (0.5 * own), 0.0, 1.0)
-    gain = np.clip(np.exp(ratio), 1.0 / MOST_GAIN, MOST_GAIN)
+    gain = np.clip(np.exp(ratio), LEAST_GAIN, MOST_GAIN)
     weight = np.clip(2.0 * (1.0 - away / reach), 0.0, 1.0)
     # Avoid steps at unknown surface.
     rim = (source | gap | outside).astype(np.uint8)

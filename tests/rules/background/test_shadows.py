@@ -23,3 +23,14 @@ def test_a_shadow_that_the_pictures_border_cuts_is_removed_up_to_the_border() ->
     away = ~gap & ~outside
     away[40:, 20:180] = False
     np.testing.assert_allclose((flat * gain)[away], 180.0, atol=0.5)
+
+
+def test_a_brighter_board_beside_a_removed_thing_keeps_its_brightness() -> None:
+    """The far boards of a kitchen table became as dark as the near ones, up to 100 mm from each thing on it."""
+    flat = np.full((160, 200, 3), 150.0, np.float32)
+    flat[:50, 60:140] = 200.0
+    gap = np.zeros(flat.shape[:2], bool)
+    gap[40:70, 80:120] = True
+    nothing = np.zeros_like(gap)
+    gain = _gain(flat, gap, ~gap, nothing, nothing, 30.0)
+    assert gain[~gap].min() > 0.92
