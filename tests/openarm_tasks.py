@@ -1,4 +1,4 @@
-"""Tasks on a plain table for the two arms of recipe `robot/openarm_revo1`."""
+"""Tasks on a plain table for the two arms of recipes `robot/openarm_revo1` and `robot/openarm_revo2`."""
 
 from __future__ import annotations
 

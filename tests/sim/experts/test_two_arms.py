@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -71,7 +73,9 @@ def test_a_bar_goes_from_one_hand_to_the_other(robot: RobotModel) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("side", SIDES)
-def test_either_hand_lifts_a_box_and_the_other_stays(robot: RobotModel, side: str) -> None:
+@pytest.mark.parametrize("name", ["openarm_revo1", "openarm_revo2"])
+def test_either_hand_lifts_a_box_and_the_other_stays(tmp_path: Path, name: str, side: str) -> None:
+    robot = robot_recipes.built(name, tmp_path)
     bundle = task(robot, side)
     driver = Driver(Environment(bundle))
     reach = Reach(robot, side)

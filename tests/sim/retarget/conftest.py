@@ -18,7 +18,12 @@ def revo(tmp_path_factory: pytest.TempPathFactory) -> RobotModel:
     return built("openarm_revo1", tmp_path_factory.mktemp("revo"))
 
 
-@pytest.fixture(params=["leap arm", "revo left", "revo right"])
+@pytest.fixture(scope="session")
+def revo2(tmp_path_factory: pytest.TempPathFactory) -> RobotModel:
+    return built("openarm_revo2", tmp_path_factory.mktemp("revo2"))
+
+
+@pytest.fixture(params=["leap arm", "revo left", "revo right", "revo2 right"])
 def hand(request: pytest.FixtureRequest) -> tuple[RobotModel, str]:
     """A robot and a limb."""
     robot, limb = request.param.split()

@@ -46,7 +46,8 @@ def test_the_axes_are_a_rotation_that_points_fingers_along_fingers(hand) -> None
     assert own.turn.T @ own.turn == pytest.approx(np.eye(3))
     assert np.linalg.det(own.turn) == pytest.approx(1.0)
     tips = own.hand.at(own.straight).tips
-    assert (tips[1:].mean(axis=0) - own.anchor) @ -own.turn[:, 2] > 0.95 * own.length_m
+    # At zero, the fingers of the Revo 2 are bent by 18 deg as published.
+    assert (tips[1:].mean(axis=0) - own.anchor) @ -own.turn[:, 2] > 0.94 * own.length_m
     order = (tips[1:] - tips[1]) @ own.across
     assert (np.diff(order) > 0.01).all()
 

@@ -1,4 +1,4 @@
-"""Two OpenArms with Revo 1 hands, on the compiled model."""
+"""Two OpenArms with Revo 1 or Revo 2 hands, on the compiled model."""
 
 from __future__ import annotations
 
@@ -16,8 +16,19 @@ FINGERS = ("index", "middle", "ring", "little")
 
 
 @pytest.fixture(scope="module")
-def robot(tmp_path_factory: pytest.TempPathFactory) -> RobotModel:
+def revo1(tmp_path_factory: pytest.TempPathFactory) -> RobotModel:
     return built("openarm_revo1", tmp_path_factory.mktemp("robot"))
+
+
+@pytest.fixture(scope="module")
+def revo2(tmp_path_factory: pytest.TempPathFactory) -> RobotModel:
+    return built("openarm_revo2", tmp_path_factory.mktemp("robot"))
+
+
+@pytest.fixture(scope="module", params=["revo1", "revo2"])
+def robot(request: pytest.FixtureRequest) -> RobotModel:
+    made: RobotModel = request.getfixturevalue(request.param)
+    return made
 
 
 @pytest.fixture(scope="module")
@@ -39,12 +50,13 @@ def test_each_side_has_seven_joints_and_six_motors(robot: RobotModel, model: Any
     for side in ("left", "right"):
         assert sum(name.startswith(side) for name in robot.names("arm")) == 7
         assert sum(name.startswith(side) for name in robot.names("hand")) == 6
-        assert sum(follower.name.startswith(side) for follower in robot.followers) == 4
+        assert sum(follower.name.startswith(side) for follower in robot.followers) in (4, 5)  # Revo 2's thumb has one
     assert [model.actuator(number).name for number in range(model.nu)] == [joint.name for joint in robot.joints]
-    assert (model.nu, model.nq) == (26, 34)
+    assert (model.nu, model.nq) == (26, 26 + len(robot.followers))
 
 
-def test_figures_of_the_data_sheets(robot: RobotModel, model: Any) -> None:
+def test_figures_of_the_data_sheets(revo1: RobotModel) -> None:
+    robot, model = revo1, compiled(revo1)
     hand = [name for name, group in robot.links.items() if group == "hand" and name.startswith("left_")]
     assert sum(model.body(name).mass[0] for name in hand) == pytest.approx(0.540, abs=0.005)
     limits = {joint.name: np.degrees([joint.lower, joint.upper]) for joint in robot.joints}
@@ -58,16 +70,36 @@ def test_figures_of_the_data_sheets(robot: RobotModel, model: Any) -> None:
     assert sum(model.body(name).mass[0] for name in arm) == pytest.approx(5.362, abs=0.001)
 
 
-def test_the_proportions_of_the_hand_are_those_of_its_successor(robot: RobotModel, model: Any) -> None:
-    """Revo 2: 159.7 mm long, thumb 52 + 27 mm from the joint of flexion, middle finger 37 mm, index finger 32 mm."""
-    larger = 0.183 / 0.1597
+@pytest.mark.parametrize(("name", "larger"), [("revo1", 0.183 / 0.1597), ("revo2", 1.0)])
+def test_the_proportions_of_the_hand_are_those_of_revo_2(request: Any, name: str, larger: float) -> None:
+    """159.7 mm long, thumb 52 + 27 mm from the joint of flexion, middle finger 37 mm, index finger 32 mm."""
+    robot = request.getfixturevalue(name)
+    model = compiled(robot)
     for finger, link_m in (("index", 0.032), ("middle", 0.037), ("little", 0.029)):
         assert np.linalg.norm(model.body(f"left_{finger}_distal").pos) == pytest.approx(link_m * larger, abs=1e-4)
     data = at(model, dict.fromkeys(robot.home, 0.0))
     thumb = data.site("right_tip_thumb").xpos - data.body("right_thumb_proximal").xpos
-    assert np.linalg.norm(thumb) + 0.0095 == pytest.approx((0.052 + 0.0265) * larger, abs=0.002)
+    pad = 0.0095 if name == "revo1" else 0.0
+    assert np.linalg.norm(thumb) + pad == pytest.approx((0.052 + 0.0265) * larger, abs=0.002)
     ratios = {each.name.removeprefix("left_"): each.ratio for each in robot.followers if each.name.startswith("left_")}
-    assert ratios == {"index_bend": 1.131, "middle_bend": 1.267, "ring_bend": 1.252, "little_bend": 1.271}
+    thumbs = {} if name == "revo1" else {"thumb_bend": 1.0945}
+    assert ratios == {"index_bend": 1.131, "middle_bend": 1.267, "ring_bend": 1.252, "little_bend": 1.271} | thumbs
+
+
+def test_published_figures_of_revo_2(revo2: RobotModel) -> None:
+    model = compiled(revo2)
+    hand = [name for name, group in revo2.links.items() if group == "hand" and name.startswith("left_")]
+    assert sum(model.body(name).mass[0] for name in hand) == pytest.approx(0.390, abs=0.001)
+    joints = {joint.name.removeprefix("left_"): joint for joint in revo2.joints}
+    for name, upper, effort in (
+        ("ring_flexion", 1.41, 2),
+        ("thumb_flexion", 1.0472, 1.1),
+        ("thumb_rotation", 1.55334, 0.5),
+    ):
+        assert (joints[name].lower, joints[name].upper, joints[name].effort) == (0, upper, effort)
+    data = at(model, dict.fromkeys(revo2.home, 0.0))
+    reach = data.site("right_flange").xpos[2] - data.site("right_tip_middle").xpos[2]
+    assert reach == pytest.approx(0.1597, abs=0.004)
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
@@ -103,12 +135,12 @@ def test_palms_face_down_on_level_forearms_and_thumbs_oppose(robot: RobotModel, 
     assert data.site("left_palm").xmat.reshape(3, 3)[2, 0] < -0.99
     normal = data.site("right_palm").xmat.reshape(3, 3)[:, 0].copy()
     assert normal[2] < -0.99
-    opposed = at(model, level | {"right_thumb_rotation": 1.57})
+    opposed = at(model, level | {"right_thumb_rotation": 1.55})
     ahead = (opposed.site("right_tip_thumb").xpos - opposed.site("right_palm").xpos) @ normal
     assert ahead > 0.03
 
 
-@pytest.mark.parametrize("rotation", [0.0, 1.57])
+@pytest.mark.parametrize("rotation", [0.0, 1.55])
 def test_nothing_touches_at_home_nor_while_the_fingers_close(robot: RobotModel, model: Any, rotation: float) -> None:
     turned = {name: rotation for name in robot.home if name.endswith("rotation")}
     for share in np.linspace(0, 0.8, 9):
