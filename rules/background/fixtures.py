@@ -80,7 +80,7 @@ def thing_boxes(scenery: Scenery, room: Room, objects: np.ndarray, height: float
 def _parted(
     local: np.ndarray, low: np.ndarray, high: np.ndarray, eye: np.ndarray, flat: Sequence[Level]
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Boxes of the points in a cell below and above the level surface that passes through it.
+    """Boxes of the points in a cell below, between and above the level surfaces that pass through it.
 
     A level has its own box, and the noise of its points must not stand on it. What rises above it keeps its collision.
     """
@@ -91,11 +91,12 @@ def _parted(
         return
     if heights[0] - least[2] >= THINNEST_M:
         yield least, np.array([*most[:2], heights[0]])
-    above = low.copy()
-    above[2] = max(low[2], heights[-1] + OFF_M)
-    if above[2] < high[2] and ((local >= above) & (local < high)).all(axis=1).sum() >= LEAST:
-        least, most = _tight(local, above, high, eye)
-        yield np.array([*least[:2], heights[-1]]), most
+    for height, end in zip(heights, [*heights[1:], np.inf], strict=True):
+        bottom = np.array([*low[:2], max(low[2], height + OFF_M)])
+        top = np.array([*high[:2], min(high[2], end)])
+        if bottom[2] < top[2] and ((local >= bottom) & (local < top)).all(axis=1).sum() >= LEAST:
+            least, most = _tight(local, bottom, top, eye)
+            yield np.array([*least[:2], height]), np.array([*most[:2], min(most[2], end)])
 
 
 def _tight(local: np.ndarray, low: np.ndarray, high: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -23,9 +23,15 @@ FOCAL = ("fx", "fy", "cx", "cy")
 
 def lens_of(ctx: Context, folder: Folder, facts: Mapping[str, object], tags: Exif) -> Camera | Lens:
     """The intrinsics; those in `capture.json` take precedence over other files."""
+    found = _stated(ctx, folder, facts, tags)
+    coefficients = distortion_of(ctx, facts) if isinstance(found, Camera) else ()
+    return distorted(found, coefficients) if isinstance(found, Camera) and coefficients else found
+
+
+def _stated(ctx: Context, folder: Folder, facts: Mapping[str, object], tags: Exif) -> Camera | Lens:
+    """The camera without the `distortion` of `capture.json`."""
     if any(key in facts for key in FOCAL):
-        camera, coefficients = camera_of(ctx, facts), distortion_of(ctx, facts)
-        return distorted(camera, coefficients) if coefficients else camera
+        return camera_of(ctx, facts)
     for name in CALIBRATIONS:
         if name in folder.files:
             return _calibrated(ctx, folder.files[name], name)

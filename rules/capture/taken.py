@@ -103,12 +103,11 @@ def take(
         rgb, depth = smooth(rgb, where), None if depth is None else nearest(depth, where)
     camera = lens if isinstance(lens, Camera) else pinhole(lens)
     gravity = gravity_of(ctx, facts)
-    measured = None if depth is None else Measured(depth=DepthImage(depth=depth), gravity=gravity)
+    measured = None if depth is None else Measured(depth=DepthImage(depth=depth))
     if depth is not None and doubted:
         doubts.of_registration(ctx, rgb, depth)
-    return Taken(
-        Capture(photograph=Photograph(rgb=Image(pixels=rgb), camera=camera), measured=measured), orientation > 1
-    )
+    photograph = Photograph(rgb=Image(pixels=rgb), camera=camera, gravity=gravity)
+    return Taken(Capture(photograph=photograph, measured=measured), orientation > 1)
 
 
 def _orientation(ctx: Context, lens: Camera | Lens, tags: exif.Exif, picture: str) -> int:

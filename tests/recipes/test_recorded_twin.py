@@ -59,9 +59,9 @@ def test_a_recording_becomes_a_twin_that_stands_as_gravity_tells(tmp_path: Path)
     )
     assert isinstance(photo, Capture)
     assert photo.measured is not None
-    assert photo.measured.gravity is not None
+    assert photo.photograph.gravity is not None
     down = EYE[:3, :3].T @ [0.0, 0.0, -1.0]
-    assert np.degrees(np.arccos(min(1.0, float(photo.measured.gravity @ down)))) < 0.2
+    assert np.degrees(np.arccos(min(1.0, float(photo.photograph.gravity @ down)))) < 0.2
     assert isinstance(support, Support)
     found = support.camera_pose.matrix
     assert np.degrees(np.arccos(min(1.0, float(found[2, :3] @ -down)))) < 0.5

@@ -85,6 +85,8 @@ class Photograph(Artifact):
     """The picture."""
     camera: Camera
     """Intrinsics."""
+    gravity: tuple[float, float, float] | None = None
+    """Direction in which things fall in the camera frame, a unit vector, from an inertial sensor; None if unknown."""
 
     @model_validator(mode="after")
     def _check_sizes(self) -> Self:
@@ -97,8 +99,6 @@ class Measured(Artifact):
 
     depth: DepthImage
     """Depth registered to the photograph, same size and intrinsics."""
-    gravity: tuple[float, float, float] | None = None
-    """Direction in which things fall in the camera frame, a unit vector, from an inertial sensor; None if unknown."""
 
 
 class Capture(Artifact):

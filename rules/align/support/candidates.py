@@ -7,7 +7,7 @@ from typing import NamedTuple, NoReturn
 
 import numpy as np
 
-from dextera_build.artifacts.cameras.camera import Measured, Photograph
+from dextera_build.artifacts.cameras.camera import Photograph
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import cameras, upright
 from dextera_build.rule import Context
@@ -46,10 +46,10 @@ class Up(NamedTuple):
     measured: bool  # by an inertial sensor; otherwise a robot's base, which may stand askew
 
 
-def known_up(measured: Measured, robot: Pose | None) -> Up | None:
+def known_up(photograph: Photograph, robot: Pose | None) -> Up | None:
     """The direction up by an inertial sensor, or the z axis of the robot's base, T_camera_base; None if unknown."""
-    if measured.gravity is not None:
-        return Up(-np.array(measured.gravity), measured=True)
+    if photograph.gravity is not None:
+        return Up(-np.array(photograph.gravity), measured=True)
     if robot is None or (robot.parent, robot.child) != ("camera", "base"):
         return None
     return Up(np.asarray(robot.matrix[:3, 2]), measured=False)
@@ -100,9 +100,6 @@ def of_depth(
     up = up if stands else None
     lines = likely_up(photograph, options) if up is None and options.at_px is None else None
     likely = None if lines is None else lines.direction
-    if options.at_px is not None:
-        stated = _stated(ctx, [upright.turned(s.region, -turns) for s in found], found, options.at_px)
-        return Candidates(turns, points, stated, None, None)
     count = choice.quarter_turns(found, options.smallest_m2, turned_up(turns)) if options.up == "auto" else 0
     if count:
         again, seen = look(count)
@@ -110,6 +107,9 @@ def of_depth(
         # A bare wall seen from slightly above resembles a bare table seen by an upside-down camera.
         if best_again is not None and best_again.carried >= choice.CARRIES:
             turns, found, points, likely = count, again, seen, None
+    if options.at_px is not None:
+        stated = _stated(ctx, [upright.turned(s.region, -turns) for s in found], found, options.at_px)
+        return Candidates(turns, points, stated, None, None)
     best = choice.choose(found, options.smallest_m2, up=turned_up(turns), likely=likely)
     if best is None:
         _refuse(ctx, found, turned_up(turns), options)

@@ -36,6 +36,8 @@ def scale(
     """
     options = options or ScaleOptions()
     if options.size_m is None:
+        if options.object:
+            ctx.fail(f"`object: {options.object}` has no size", hint="state `size_m`, the longest edge of its box, too")
         ctx.say("scale unknown" if support.scale == "unknown" else f"scale by the {support.scale}")
         return support
     if support.scale != "unknown":

@@ -28,7 +28,7 @@ def support(
     """Return the support plane and the world frame on it: z up along the normal, origin at its centre [m].
 
     The camera looks at the support from above, in any orientation about its axis, see `up`. Of several level surfaces,
-    one on which things stand is chosen; `measured.gravity`, or the z axis of the robot's base (T_camera_base), tells
+    one on which things stand is chosen; `photograph.gravity`, or the z axis of the robot's base (T_camera_base), tells
     what is level; without them, a surface that upright lines in the picture contradict has less weight. If another
     surface may be the support as well, a warning and a picture show both. Without depth, the plane comes from a marker,
     from the robot's pose T_camera_base, from upright lines, or from an assumed pitch; the scale is unknown in the last
@@ -45,7 +45,7 @@ def support(
             pixels=f"{int(valid.sum()):,} within {options.farthest_m:g} m",
             hint="capture the table from 0.4 to 2 m, or raise `farthest_m`",
         )
-    seen = of_depth(ctx, photograph, depth, valid, known_up(measured, robot), options)
+    seen = of_depth(ctx, photograph, depth, valid, known_up(photograph, robot), options)
     best, turns, points = seen.best, seen.turns, seen.points
     level = _support(best, points, upright.turned(valid, turns))
     if doubt := uneven.doubt(level, points, upright.turned(valid, turns)):
@@ -81,16 +81,19 @@ def _unmeasured(ctx: Context, photograph: Photograph, robot: Pose | None, option
         frames = (robot.parent, robot.child)
         ctx.check(frames == ("camera", "base"), f"`robot` is T_{frames[0]}_{frames[1]}, but T_camera_base is needed")
         plane = unmeasured.under_robot(robot, options.base_above_m)
-    elif options.pitch_deg is None and (lines := likely_up(photograph, options)) is not None:
-        plane = unmeasured.by_lines(lines.direction)
+    elif photograph.gravity is not None:
+        plane = unmeasured.level(-np.array(photograph.gravity), "gravity", unmeasured.GRAVITY_RAD)
+    elif options.pitch_deg is not None:
+        plane = unmeasured.looking_down(options.pitch_deg, turns, "stated", unmeasured.STATED_RAD)
+    elif (lines := likely_up(photograph, options)) is not None:
+        plane = unmeasured.level(lines.direction, "by upright lines", unmeasured.LINES_RAD)
     else:
-        plane = unmeasured.assumed(options.pitch_deg or unmeasured.PITCH_DEG, turns)
+        plane = unmeasured.looking_down(unmeasured.PITCH_DEG, turns, "assumed", unmeasured.PITCH_RAD)
     result = unmeasured.support(ctx, photograph, plane, options.reach, turns)
     below = result.camera_pose.matrix[2, 3]
     if plane.scale == "unknown":
         pitch = np.degrees(np.arcsin(-plane.normal[2]))
-        how = "by upright lines" if plane.by_lines else "assumed"
-        ctx.say(f"{how}: the camera looks down by {pitch:.3g} deg; scale unknown")
+        ctx.say(f"{plane.source}: the camera looks down by {pitch:.3g} deg; scale unknown")
     else:
         ctx.say(f"{below:.3f} m below the camera, by the {plane.scale}")
     return result

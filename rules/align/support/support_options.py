@@ -34,7 +34,7 @@ class SupportOptions(Options):
     base_above_m: float = 0.0
     """Height of the robot's base above the support [m], for photographs without depth."""
     pitch_deg: float | None = Field(None, gt=0.0, le=90.0)
-    """Pitch of the camera below the horizontal, assumed for photographs without depth, marker and robot [deg]; None: by
-    upright lines in the picture, or 35 if they do not tell it."""
+    """Pitch of the camera below the horizontal, for photographs without depth, marker, robot and gravity [deg]; it is
+    taken to be good to 4 deg. None: by upright lines in the picture, or 35, good to 10, if they do not tell it."""
     reach: PositiveFloat = 3.0
     """Extent of an unmeasured support, in heights of the camera above it."""

@@ -31,8 +31,10 @@ PITCH_DEG = 35.0
 """Pitch of a camera of which nothing is known [deg]."""
 LINES_RAD = np.radians(3.0)
 """Standard deviation of the direction by upright lines [rad]; see `uprights`."""
-PITCH_RAD, ROLL_RAD = np.radians(10.0), np.radians(3.0)
-"""Standard deviations of an assumed pitch and of its roll [rad]."""
+GRAVITY_RAD = np.radians(1.0)
+"""Standard deviation of the direction by an inertial sensor at rest [rad]."""
+PITCH_RAD, STATED_RAD, ROLL_RAD = np.radians(10.0), np.radians(4.0), np.radians(3.0)
+"""Standard deviations of an assumed pitch, of a stated one, and of the roll of both [rad]."""
 
 
 class Plane(NamedTuple):
@@ -43,8 +45,8 @@ class Plane(NamedTuple):
     scale: ScaleSource
     others: tuple[tuple[np.ndarray, float], ...] = ()
     """Normal and height one standard deviation away, in each independent direction."""
-    by_lines: bool = False
-    """Whether upright lines in the picture told the normal."""
+    source: str = ""
+    """What told the normal, where the scale is unknown."""
 
 
 def marked(ctx: Context, photograph: Photograph, marker: MarkerOptions) -> Plane:
@@ -93,10 +95,10 @@ def under_robot(robot: Pose, base_above_m: float) -> Plane:
     return Plane(normal, base_above_m - float(normal @ robot.matrix[:3, 3]), "robot")
 
 
-def assumed(pitch_deg: float, turns: int) -> Plane:
+def looking_down(pitch_deg: float, turns: int, source: str, sigma: float) -> Plane:
     """A level support one unit below a camera that looks down by `pitch_deg` [deg]; the unit is unknown.
 
-    The picture is upright after `turns` counter-clockwise quarter turns.
+    The picture is upright after `turns` counter-clockwise quarter turns; `sigma` is of the pitch [rad].
     """
     pitch = np.radians(pitch_deg)
     level = upright.turned_from_camera(-turns)[:3, :3]
@@ -106,16 +108,19 @@ def assumed(pitch_deg: float, turns: int) -> Plane:
             level @ np.array([np.cos(pitch) * np.sin(roll), -np.cos(pitch) * np.cos(roll), -np.sin(pitch)])
         )
 
-    others = (normal(pitch + PITCH_RAD), 1.0), (normal(pitch, ROLL_RAD), 1.0)
-    return Plane(normal(pitch), 1.0, "unknown", others)
+    others = (normal(pitch + sigma), 1.0), (normal(pitch, ROLL_RAD), 1.0)
+    return Plane(normal(pitch), 1.0, "unknown", others, source)
 
 
-def by_lines(up: np.ndarray) -> Plane:
-    """A support one unit below the camera, of an unknown unit, across the direction up (3,) in the camera frame."""
+def level(up: np.ndarray, source: str, sigma: float) -> Plane:
+    """A support one unit below the camera, of an unknown unit, across the direction up (3,) in the camera frame.
+
+    `sigma` is the standard deviation of the direction about each axis [rad].
+    """
     sideways = np.cross(up, [0.0, 0.0, 1.0])
     axes = [each / np.linalg.norm(each) for each in (sideways, np.cross(up, sideways))]
-    others = tuple((lie.rotation(LINES_RAD * axis) @ up, 1.0) for axis in axes)
-    return Plane(up, 1.0, "unknown", others, by_lines=True)
+    others = tuple((lie.rotation(sigma * axis) @ up, 1.0) for axis in axes)
+    return Plane(up, 1.0, "unknown", others, source)
 
 
 def support(ctx: Context, photograph: Photograph, plane: Plane, reach: float, turns: int) -> Support:

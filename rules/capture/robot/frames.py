@@ -36,7 +36,8 @@ def at(
     doubts.of_camera(ctx, camera)
     pictures = _chosen(mcap.pictures(stream, topics.image), stamps, 1e-6)
     depths = _depths(ctx, stream, topics, lens, stamps) if topics.depth else {}
-    down = falling.at(ctx, stream, topics, stamps) if depths else {}
+    # The pictures of a calibration without depth need no gravity, and most are taken while the camera moves.
+    down = falling.at(ctx, stream, topics, stamps) if depths or len(stamps) == 1 else {}
     where = None if isinstance(lens, Camera) else places(lens)
     found: dict[str, Capture] = {}
     for number, stamp in enumerate(stamps):
@@ -47,8 +48,8 @@ def at(
             check_depth(ctx, depth, topics.depth, options, stream=True)
         if where is not None:
             pixels, depth = smooth(pixels, where), None if depth is None else nearest(depth, where)
-        measured = None if depth is None else Measured(depth=DepthImage(depth=depth), gravity=down.get(number))
-        photograph = Photograph(rgb=Image(pixels=pixels), camera=camera)
+        measured = None if depth is None else Measured(depth=DepthImage(depth=depth))
+        photograph = Photograph(rgb=Image(pixels=pixels), camera=camera, gravity=down.get(number))
         found[f"{label}_{number + 1:02d}"] = Capture(photograph=photograph, measured=measured)
         ctx.progress(number + 1, len(stamps), f"pictures, {stamp:.2f} s")
     return found

@@ -47,11 +47,11 @@ def recorded_picture(ctx: Context, stream: Stream, *, options: RecordedPictureOp
     )
     nearest = int(np.abs(since - wanted).argmin())
     (capture,) = frames.at(ctx, stream, seen, stamps[[nearest]], options, "picture").values()
-    camera, measured = capture.photograph.camera, capture.measured
+    camera, gravity, measured = capture.photograph.camera, capture.photograph.gravity, capture.measured
     said = [f"{camera.width} x {camera.height} px at {since[nearest]:.2f} s of {since[-1]:.2f} s"]
     said.append("no depth" if measured is None else f"depth on {(measured.depth.depth > 0).mean():.0%} of them")
-    if measured is not None and measured.gravity is not None:
-        said.append(f"the camera looks down by {np.degrees(np.arcsin(measured.gravity[2])):.1f} deg")
+    if gravity is not None:
+        said.append(f"the camera looks down by {np.degrees(np.arcsin(gravity[2])):.1f} deg")
     ctx.preview(capture.photograph.rgb.pixels, "photograph")
     ctx.say(", ".join(said))
     return capture

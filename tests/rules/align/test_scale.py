@@ -57,6 +57,11 @@ def test_what_is_known_or_stays_unknown_is_handed_on(run):
         assert run.runner.outcome.line == line
 
 
+def test_an_object_without_a_size_is_refused(run):
+    with pytest.raises(RuleError, match="`object: box` has no size"):
+        run(unknown(), object="box")
+
+
 def test_a_second_scale_is_refused(run):
     with pytest.raises(RuleError, match="the scale is known by the depth, and `size_m` states it again") as caught:
         run(factories.support(), size_m=0.2)

@@ -169,6 +169,23 @@ def test_two_supports_in_doubt_are_told_with_the_line_that_chooses(runner):
     assert not runner.outcome.warnings
 
 
+def test_a_stated_pixel_is_one_of_the_picture_as_it_was_taken(runner):
+    """Of a camera that hung upside down, stating the surface that is found without it changed which side is up."""
+    capture = tabletops.tabletop((BOX, factories.pose()), noise=1.0).capture
+    assert capture.measured is not None
+    pixels, depth = (
+        np.ascontiguousarray(np.rot90(each, 2))
+        for each in (capture.photograph.rgb.pixels, capture.measured.depth.depth)
+    )
+    shot = factories.shot(factories.rgbd(pixels, depth, capture.photograph.camera.turned(2)))
+    found = runner.run("align.support", **shot)
+    middle = np.array([0.25, 0.0, 0.0, 1.0])
+    x, y, z = (np.linalg.inv(found.camera_pose.matrix) @ middle)[:3]
+    at = shot["photograph"].camera.project(np.array([[x, y, z]]))[0]
+    again = runner.run("align.support", **shot, options={"at_px": [int(each) for each in at]})
+    assert runner.encode(again) == runner.encode(found)
+
+
 def test_a_stated_pixel_without_a_surface_is_refused(runner):
     scene = tabletops.tabletop((tabletops.box(0.3, 0.3, 0.3, (0.8, 0.2, 0.2)), factories.pose()), half=0.3)
     assert scene.capture.measured is not None
@@ -218,12 +235,12 @@ def test_gravity_of_the_wrong_sign_is_told(runner):
     photo, measured = scene.capture.photograph, scene.capture.measured
     assert measured is not None
     down = tuple(-float(x) for x in scene.world_from_camera[2, :3])
-    right = measured.model_copy(update={"gravity": down})
-    found = runner.run("align.support", photograph=photo, measured=right)
+    right = photo.model_copy(update={"gravity": down})
+    found = runner.run("align.support", photograph=right, measured=measured)
     assert runner.encode(found) == runner.encode(runner.run("align.support", photograph=photo, measured=measured))
-    wrong = measured.model_copy(update={"gravity": tuple(-x for x in down)})
+    wrong = photo.model_copy(update={"gravity": tuple(-x for x in down)})
     with pytest.raises(RuleError, match="no support plane is in view") as caught:
-        runner.run("align.support", photograph=photo, measured=wrong)
+        runner.run("align.support", photograph=wrong, measured=measured)
     assert "negate `gravity`" in (caught.value.hint or "")
 
 

@@ -86,8 +86,26 @@ def test_otherwise_the_pitch_is_assumed_and_the_scale_unknown(runner):
     assert errors(found.camera_pose, EYE)[0] < 1e-6
     assert found.camera_pose.matrix[2, 3] == 1.0
     assert found.scale == "unknown"
-    assert np.degrees(np.sqrt(np.diag(found.camera_pose.covariance)[3])) == pytest.approx(10.0, rel=0.01)
-    assert runner.outcome.line.endswith("scale unknown")
+    assert sigma_deg(found.camera_pose) == pytest.approx(4.0, rel=0.01)
+    assert runner.outcome.line == f"stated: the camera looks down by {pitch:.3g} deg; scale unknown"
+    assumed = runner.run("align.support", photograph=photograph())
+    assert sigma_deg(assumed.camera_pose) == pytest.approx(10.0, rel=0.01)
+    assert runner.outcome.line == "assumed: the camera looks down by 35 deg; scale unknown"
+
+
+def sigma_deg(pose: Pose) -> float:
+    """Standard deviation of the pitch."""
+    assert pose.covariance is not None
+    return float(np.degrees(np.sqrt(pose.covariance[3, 3])))
+
+
+def test_gravity_tells_the_pitch_without_depth(runner):
+    """A phone knows where down is: `capture.json` of a photograph alone may say so."""
+    x, y, z = (float(each) for each in -EYE[2, :3])
+    photo = photograph().model_copy(update={"gravity": (x, y, z)})
+    found = runner.run("align.support", photograph=photo, options={"pitch_deg": 10.0})
+    assert errors(found.camera_pose, EYE)[0] < 1e-6
+    assert runner.outcome.line.startswith("gravity: the camera looks down by 42 deg")
 
 
 def test_the_world_is_that_of_a_measured_support(runner):

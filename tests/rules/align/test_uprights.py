@@ -75,5 +75,5 @@ def test_a_photograph_without_depth_gets_its_pitch_from_them(tmp_path):
     assert runner.outcome.line.startswith("by upright lines: the camera looks down by ")
     assert np.degrees(np.sqrt(np.diag(found.camera_pose.covariance)[3:5])) == pytest.approx(3.0, rel=0.05)
     stated = runner.run("align.support", photograph=seen, options={"pitch_deg": 35.0})
-    assert runner.outcome.line.startswith("assumed: the camera looks down by 35 deg")
+    assert runner.outcome.line.startswith("stated: the camera looks down by 35 deg")
     assert stated.camera_pose.matrix[2, 2] != found.camera_pose.matrix[2, 2]

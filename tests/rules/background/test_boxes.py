@@ -12,7 +12,8 @@ from dextera_build.artifacts.scenes.scene import Background, SupportBox
 from dextera_build.geometry import lie
 from dextera_build.rule import Context
 from rules.background import static_planes
-from rules.background.fixtures import room_boxes, support_boxes
+from rules.background.fixtures import _parted, room_boxes, support_boxes
+from rules.background.levels import Level
 from rules.background.shell import Room
 from rules.background.static import StaticOptions, static
 from tests.rules.background.test_furnished import THINGS, photographed
@@ -49,6 +50,17 @@ def test_what_stands_on_another_table_of_the_same_height_is_carried(tmp_path: Pa
     level = np.abs(tops(made.boxes)) < 1e-6
     assert under(made.boxes, corners)[level].any(axis=0).all()
     assert not under(made.boxes[:1], corners).any(), "the first table ends before it"
+
+
+def test_what_is_between_two_levels_keeps_its_collision() -> None:
+    """The front of a cupboard of .9 m with two shelves: nothing between the shelves collided."""
+    y, z = np.meshgrid(np.linspace(0.0, 0.5, 60), np.linspace(0.02, 0.9, 100))
+    front = np.column_stack([np.full(y.size, 1.0), y.ravel(), z.ravel()])
+    shelves = [Level(np.array([0.9, 0.0]), np.array([1.2, 0.5]), height) for height in (0.3, 0.6)]
+    low, high, eye = np.array([0.9, 0.0, 0.0]), np.array([1.2, 0.5, 0.95]), np.zeros(3)
+    parts = list(_parted(front, low, high, eye, shelves))
+    ends = [(round(float(least[2]), 1), round(float(most[2]), 1)) for least, most in parts]
+    assert ends == [(0.0, 0.3), (0.3, 0.6), (0.6, 0.9)]
 
 
 @pytest.mark.medium

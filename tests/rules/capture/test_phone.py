@@ -95,6 +95,20 @@ def test_damaged_tags_count_as_none(runner):
     assert runner.run("capture.folder", folder=folder).photograph.rgb.pixels.shape == (48, 64, 3)
 
 
+@pytest.mark.parametrize("told", ["view", "exif"])
+def test_distortion_belongs_to_any_camera_of_the_picture(runner, told):
+    """It was read with fx and fy alone."""
+    view = {"view_deg": 60.0} if told == "view" else {}
+    shots = {}
+    for name, more in (("plain", {}), ("bent", {"distortion": [-0.3, 0.1, 0.0, 0.0]})):
+        data = jpeg(UPRIGHT, focal_35mm=28)
+        shots[name] = runner.run(
+            "capture.folder", folder=Folder(files={"rgb.jpg": data, "capture.json": json.dumps(view | more).encode()})
+        )
+    assert shots["plain"].photograph.camera == shots["bent"].photograph.camera
+    assert not np.array_equal(shots["plain"].photograph.rgb.pixels, shots["bent"].photograph.rgb.pixels)
+
+
 def test_distortion_is_taken_out_of_picture_and_depth(runner):
     k = np.array([[60.0, 0, 31.5], [0, 60.0, 23.5], [0, 0, 1]])
     coefficients = [-0.25, 0.08, 0.001, -0.002, 0.01]

@@ -48,9 +48,8 @@ def taken(bag: Bag, tmp_path: Path, **options: object) -> tuple[Capture, list[st
 
 
 def off_deg(capture: Capture) -> float:
-    assert capture.measured is not None
-    assert capture.measured.gravity is not None
-    return float(np.degrees(np.arccos(np.clip(capture.measured.gravity @ DOWN, -1.0, 1.0))))
+    assert capture.photograph.gravity is not None
+    return float(np.degrees(np.arccos(np.clip(capture.photograph.gravity @ DOWN, -1.0, 1.0))))
 
 
 def test_the_same_frame_needs_no_transform(tmp_path):
@@ -88,7 +87,7 @@ def test_the_extrinsics_of_a_realsense_recording_do_so_too(tmp_path):
 def test_an_unknown_mount_is_told(tmp_path):
     bag = seen(tmp_path / "a.bag").accelerations("/imu/data", "imu", readings(np.eye(3)))
     capture, warnings = taken(bag, tmp_path)
-    assert capture.measured.gravity is None
+    assert capture.photograph.gravity is None
     assert any("/tf_static" in each and "`imu`" in each for each in warnings)
 
 
@@ -99,7 +98,7 @@ def test_only_a_camera_at_rest_has_gravity(noise, bias, tmp_path):
     if bias < 1.0 > noise:
         assert off_deg(capture) < 1.5
     else:
-        assert capture.measured.gravity is None
+        assert capture.photograph.gravity is None
         assert any("it was moved" in each for each in warnings)
 
 
