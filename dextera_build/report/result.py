@@ -82,11 +82,6 @@ def hero(run: Run, pictures: Pictures) -> tuple[Html | None, str]:
     return (figure, digest) if figure else (None, "")
 
 
-def closer(view: str) -> Html | None:
-    """A link to the page in which the result can be turned; nothing without one."""
-    return tag("p", {"class": "closer"}, tag("a", {"href": view}, "Open it in 3D")) if view else None
-
-
 def outcome(run: Run) -> Html:
     """Lines of the nodes outside groups, latest results first, with their numbers and checks."""
     rows = []
