@@ -9,7 +9,7 @@ from typing import Any
 
 from dextera_build import digest
 from dextera_build.recipe.expect import Expectation
-from dextera_build.report import bounds, flow, objects, provenance, result, tasks, timeline
+from dextera_build.report import bounds, figures, flow, objects, provenance, result, tasks, timeline
 from dextera_build.report.compared import compared
 from dextera_build.report.details import details
 from dextera_build.report.document import document, write
@@ -78,7 +78,8 @@ def page(
     """The whole document; without `films`, there are pictures instead; `held` is the table of bounds."""
     image, shown = result.hero(run, pictures)
     shown_first = tag("div", None, closer(view), image) if image or view else None
-    strip = result.strip(run, pictures, shown)
+    panels, held_by_figures = figures.figures(run, pictures)
+    strip = result.strip(run, pictures, {shown, *held_by_figures})
     numbers, gallery = tables(run), tasks.cards(run, pictures, films)
     parts: list[tuple[str, str, list[Html | None]]] = [
         ("result", "Result", [tag("div", {"class": "result"}, shown_first, result.outcome(run)), strip]),
@@ -88,6 +89,7 @@ def page(
             [*compared(run, before, pictures)] if before else [],
         ),
         ("bounds", "Bounds", [held] if held else []),
+        ("figures", "Figures", _cards(panels)),
         ("tasks", "Tasks", [tag("div", {"class": "gallery"}, gallery)] if gallery else []),
         ("objects", "Objects", _cards(objects.cards(run, pictures, objects=True))),
         ("numbers", "Numbers", [*numbers]),
