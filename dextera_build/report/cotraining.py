@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from dextera_build.report.html import Attributes, Html, tag
 from dextera_build.report.layout import made_from
 from dextera_build.report.run import Node, Run
-from dextera_build.report.sources import plain
+from dextera_build.report.tasks import rate_of, spec
 from dextera_build.statistics import Rate
 
 _MIXTURE = "demonstrate.mixture"
@@ -45,8 +45,7 @@ def charts(run: Run) -> list[Html]:
         learned = [each for each in learned if each.rule.startswith("learn.")]
         if node.artifact != "Trials" or not learned:
             continue
-        task = plain(node.fields.get("task", {}))
-        place = str(task.get("name", "") if isinstance(task, dict) else ""), str(node.fields.get("robot", ""))
+        place = str(spec(node).get("name", "")), str(node.fields.get("robot", ""))
         _add(tasks.setdefault(place, _Task()), node, learned[0].address in mixed)
     found = [_chart(f"{name}, {robot}", task) for (name, robot), task in tasks.items() if task.compared]
     words = "Light: trained in the twin alone; dark: in both worlds. Lines are 95 % intervals (Wilson)."
@@ -55,9 +54,8 @@ def charts(run: Run) -> list[Html]:
 
 def _add(task: _Task, node: Node, mixed: bool) -> None:
     algorithm, label = str(node.fields.get("algorithm", "")), str(node.fields.get("label", ""))
-    trials = [trial for trial in plain(node.fields.get("items", [])) if isinstance(trial, dict)]
-    rate = Rate(sum(bool(trial.get("success")) for trial in trials), len(trials))
-    if trials:
+    rate = rate_of(node)
+    if rate.trials:
         task.rates.setdefault((algorithm, str(node.fields.get("world", "")), mixed), rate)
         task.labels[algorithm] = min(label, task.labels.get(algorithm, label), key=len)
 
@@ -68,14 +66,26 @@ def _chart(title: str, task: _Task) -> Html:
     parts = [_half(task, world, number * wide, wide) for number, world in enumerate(worlds)]
     width, height = len(worlds) * wide, _TOP + HIGH + _FOOT
     told = f"success of policies in {title}"
-    view = {"viewBox": f"0 0 {width} {height}", "width": width, "height": height, "role": "img", "aria-label": told}
+    view: Attributes = {
+        "viewBox": f"0 0 {width} {height}",
+        "width": width,
+        "height": height,
+        "role": "img",
+        "aria-label": told,
+    }
     return tag("figure", None, tag("svg", view, parts), tag("figcaption", None, tag("b", None, title)))
 
 
 def _half(task: _Task, world: str, left: int, wide: int) -> list[Html]:
     """The bars of one world; all but the twin are shaded."""
     name = f"{world}, simulated" if world == _REFERENCE else world
-    back = {"x": left, "y": 0, "width": wide, "height": _TOP + HIGH + _FOOT, "class": f"lane l{int(world != _TWIN)}"}
+    back: Attributes = {
+        "x": left,
+        "y": 0,
+        "width": wide,
+        "height": _TOP + HIGH + _FOOT,
+        "class": f"lane l{int(world != _TWIN)}",
+    }
     base = _TOP + HIGH
     parts = [
         tag("rect", back),
@@ -87,7 +97,7 @@ def _half(task: _Task, world: str, left: int, wide: int) -> list[Html]:
         for place, mixed in enumerate((False, True)):
             rate = task.rates.get((algorithm, world, mixed))
             parts += [] if rate is None else _bar(rate, x + place * _BAR, mixed)
-        words = {"x": x + _BAR, "y": base + 17, "class": "sub", "text-anchor": "middle"}
+        words: Attributes = {"x": x + _BAR, "y": base + 17, "class": "sub", "text-anchor": "middle"}
         parts.append(tag("text", words, task.labels[algorithm]))
     return parts
 

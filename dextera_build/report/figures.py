@@ -15,7 +15,7 @@ from dextera_build.report.objects import foremost
 from dextera_build.report.pictures import Pictures
 from dextera_build.report.pieces import link
 from dextera_build.report.run import Node, Run
-from dextera_build.report.sources import plain
+from dextera_build.report.tasks import spec
 from dextera_build.report.wording import STUB, count
 
 MOST = 6
@@ -183,5 +183,5 @@ def _left(number: int, noun: str) -> Html | None:
 
 def _note(node: Node) -> str:
     """The object or the task that a picture is of, and the node."""
-    task = plain(node.fields.get("task", {})) if node.artifact == "TaskBundle" else {}
-    return " ".join([*node.labels[-1:], *filter(None, [task.get("name")]), node.name])
+    task = str(spec(node).get("name", "")) if node.artifact == "TaskBundle" else ""
+    return " ".join(part for part in (*node.labels[-1:], task, node.name) if part)
