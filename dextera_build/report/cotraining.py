@@ -48,7 +48,7 @@ def charts(run: Run) -> list[Html]:
         place = str(spec(node).get("name", "")), str(node.fields.get("robot", ""))
         _add(tasks.setdefault(place, _Task()), node, learned[0].address in mixed)
     found = [_chart(f"{name}, {robot}", task) for (name, robot), task in tasks.items() if task.compared]
-    words = "Light: trained in the twin alone; dark: in both worlds. Lines are 95 % intervals (Wilson)."
+    words = "Success [%]. Light: trained in the twin alone; dark: in both worlds. Lines are 95 % intervals (Wilson)."
     return [tag("div", {"class": "charts"}, found), tag("p", {"class": "quiet"}, words)] if found else []
 
 
