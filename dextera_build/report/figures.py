@@ -110,6 +110,7 @@ class _Shown:
         self._pictures = pictures
         self._nodes = [node for node in topological(run.nodes) if node.previews and node.backend != STUB]
         reference = {node.address for node in run.nodes if node.rule.startswith(_REFERENCE)}
+        self._read = {address for node in run.nodes for address in node.depends_on}
         self._of_sight = made_from(run, _REFERENCE)
         self._of_world = {
             node.address for node in run.nodes if reference.intersection([node.address, *node.depends_on])
@@ -143,11 +144,13 @@ class _Shown:
         return [tag("div", None, tag("div", {"class": "scroll", "tabindex": "0"}, table), left)]
 
     def _found(self, panel: Panel) -> list[tuple[Node, str, str]]:
-        """One picture per node, by rule; equal ones once."""
+        """One picture per node, by rule; equal ones once, and one per copy: that which other nodes read, if any."""
         found: dict[str, tuple[Node, str, str]] = {}
         for rule in panel.rules:
+            mine = sorted((n for n in self._nodes if n.rule == rule), key=lambda node: node.address not in self._read)
+            first = {node.labels or node.address: node.address for node in reversed(mine)}
             for node in self._nodes:
-                if node.rule == rule:
+                if node.rule == rule and first[node.labels or node.address] == node.address:
                     caption, digest = node.previews[0] if rule in _FIRST else foremost(node)
                     found.setdefault(digest, (node, caption, digest))
         return list(found.values())

@@ -111,6 +111,15 @@ def test_only_objects_of_several_methods_are_compared() -> None:
     assert 6 not in shown(*made[:1], made[2])
 
 
+def test_of_several_meshes_of_an_object_the_twins_is_in_the_factorization() -> None:
+    made = [
+        node(f"{group}[mug].mesh", "factorize.mesh", (), group, backend=group) for group in ("boxes", "body", "hulls")
+    ]
+    twin = node("scene", "simulate.scene", ("body[mug].mesh",))
+    assert captions(shown(*made, twin)[1]) == ["mug mesh body"]
+    assert captions(shown(*made)[1]) == ["mug mesh boxes"]
+
+
 def learned(name: str, episodes: str, world: str, results: list[bool], **more: Any) -> list[Node]:
     """A policy, trained on `episodes`, and its trials."""
     label = "ACT" if episodes == "mixture" else "ACT twin only"
