@@ -9,6 +9,7 @@ from dextera_build.report.html import Attributes, Html, tag
 from dextera_build.report.layout import made_from
 from dextera_build.report.run import Node, Run
 from dextera_build.report.tasks import rate_of, spec
+from dextera_build.report.wording import STUB
 from dextera_build.statistics import Rate
 
 _MIXTURE = "demonstrate.mixture"
@@ -43,7 +44,7 @@ def charts(run: Run) -> list[Html]:
     for node in run.nodes:
         learned = [known[address] for address in node.depends_on if address in known]
         learned = [each for each in learned if each.rule.startswith("learn.")]
-        if node.artifact != "Trials" or not learned:
+        if node.artifact != "Trials" or node.backend == STUB or not learned:
             continue
         place = str(spec(node).get("name", "")), str(node.fields.get("robot", ""))
         _add(tasks.setdefault(place, _Task()), node, learned[0].address in mixed)

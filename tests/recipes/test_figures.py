@@ -8,6 +8,11 @@ from pathlib import Path
 import pytest
 import yaml
 
+from dextera_build.explain import runs
+from dextera_build.project.project import find
+from dextera_build.report import cotraining
+from dextera_build.report.run import read
+from dextera_build.session import reading
 from tests.e2e.space import Space
 from tests.recipes.test_captured_tables import built
 
@@ -47,3 +52,23 @@ def test_a_twin_of_two_methods_has_the_figures_of_the_page(tmp_path: Path) -> No
     metrics = space.dxb("show", "methods:modalities", "--json").document["metrics"]
     assert metrics["mask_iou"]["value"] > 0.9
     assert metrics["depth_difference"]["value"] < 0.005
+
+
+@pytest.mark.slow
+def test_policies_of_one_pair_have_bars_of_both_trainings_in_both_worlds(tmp_path: Path) -> None:
+    """The nodes of the recipe, made by stub backends, whose trials are shown only if they are taken for results."""
+    space = Space(tmp_path)
+    space.write("dxb.toml", 'cache = "cache"\nprofile = "stub"\n')
+    few = ("--set", "set/pair/shards.episodes=2", "--set", "set/data/shards.episodes=1")
+    answer = space.dxb("build", "policy/kl/lift_mustard_bottle:co_training", "--console", "none", *few, timeout_s=900.0)
+    assert answer.code == 0, answer.err
+    project = find(tmp_path)
+    run = read(runs.find(project, None)[1], reading(project))
+    assert cotraining.charts(run) == []
+    for node in run.nodes:
+        node.backend = "mujoco"
+    chart = cotraining.charts(run)[0]
+    words = [text for text in re.findall(r"<text[^>]*>([^<]*)", chart) if not text.isdigit()]
+    assert words == ["twin", "ACT", "DP", "reference, simulated", "ACT", "DP"]
+    assert re.findall(r"<title>\d+ of (\d+)", chart) == ["100"] * 4 + ["20"] * 4
+    assert "LiftMustardBottle, kuka_leap" in chart
