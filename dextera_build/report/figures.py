@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from dextera_build.report import cotraining
 from dextera_build.report.html import Html, tag
@@ -44,6 +45,8 @@ class Panel:
     """Of its pictures [px]."""
 
 
+_Picture: TypeAlias = tuple[Node, str, str]
+"""Node, caption, digest."""
 _CAMERAS = ("capture.folder", "capture.recorded_picture", "reference.photograph")
 _PANELS: dict[tuple[int, str], tuple[Panel, ...]] = {
     (1, "Factorization of the photograph"): (
@@ -119,9 +122,9 @@ class _Shown:
     def figure(self, panels: Sequence[Panel]) -> list[Html]:
         """The panels for which there are pictures; none if only those are left that do not stand alone."""
         found = [(panel, self._found(panel)) for panel in panels]
-        if not any(pictures and panel.alone for panel, pictures in found):
+        if not any(any(pictures) and panel.alone for panel, pictures in found):
             return []
-        return [self._panel(panel, pictures) for panel, pictures in found if pictures]
+        return [self._panel(panel, pictures) for panel, pictures in found if any(pictures)]
 
     def methods(self) -> list[Html]:
         """A row per object that several backends of `factorize.mesh` made, and a column per backend."""
@@ -143,24 +146,28 @@ class _Shown:
         left = _left(len(several) - len(rows), "object")
         return [tag("div", None, tag("div", {"class": "scroll", "tabindex": "0"}, table), left)]
 
-    def _found(self, panel: Panel) -> list[tuple[Node, str, str]]:
-        """One picture per node, by rule; equal ones once, and one per copy: that which other nodes read, if any."""
-        found: dict[str, tuple[Node, str, str]] = {}
+    def _found(self, panel: Panel) -> list[list[_Picture]]:
+        """Per rule one picture per node; equal ones once, and one per copy: that which other nodes read, if any."""
+        found: list[list[_Picture]] = []
+        seen: set[str] = set()
         for rule in panel.rules:
             mine = sorted((n for n in self._nodes if n.rule == rule), key=lambda node: node.address not in self._read)
             first = {node.labels or node.address: node.address for node in reversed(mine)}
-            for node in self._nodes:
-                if node.rule == rule and first[node.labels or node.address] == node.address:
-                    caption, digest = node.previews[0] if rule in _FIRST else foremost(node)
-                    found.setdefault(digest, (node, caption, digest))
-        return list(found.values())
+            found.append([])
+            chosen = set(first.values())
+            for node in (node for node in self._nodes if node.address in chosen):
+                caption, digest = node.previews[0] if rule in _FIRST else foremost(node)
+                if digest not in seen:
+                    found[-1].append((node, caption, digest))
+                seen.add(digest)
+        return found
 
-    def _panel(self, panel: Panel, found: Sequence[tuple[Node, str, str]]) -> Html:
+    def _panel(self, panel: Panel, found: Sequence[Sequence[_Picture]]) -> Html:
         simulated = self._of_sight if panel.sight else self._of_world
-        figures = [self._picture(*each, simulated, note=_note(each[0])) for each in found[:MOST]]
+        figures = [self._picture(*each, simulated, note=_note(each[0])) for each in _few(found)]
         row = tag("div", {"class": "pictures", "style": f"--height:{panel.height}px"}, figures)
         title = tag("h4", None, panel.title) if panel.title else None
-        return tag("div", None, title, row, _left(len(found) - MOST, "picture"))
+        return tag("div", None, title, row, _left(sum(map(len, found)) - len(figures), "picture"))
 
     def _cell(self, node: Node | None) -> Html:
         if node is None:
@@ -178,6 +185,12 @@ class _Shown:
             name=node.address,
             simulated=node.address in simulated,
         )
+
+
+def _few(found: Sequence[Sequence[_Picture]]) -> list[_Picture]:
+    """At most `MOST` pictures: of each rule the first ones, as equally many as there are."""
+    ranked = sorted((place, rule) for rule, pictures in enumerate(found) for place in range(len(pictures)))
+    return [found[rule][place] for rule, place in sorted((rule, place) for place, rule in ranked[:MOST])]
 
 
 def _left(number: int, noun: str) -> Html | None:

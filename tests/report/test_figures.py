@@ -88,6 +88,13 @@ def test_the_picture_of_a_rule_and_the_number_of_pictures() -> None:
     assert "3 more pictures below" in told
 
 
+def test_a_panel_has_pictures_of_all_its_rules() -> None:
+    masks = [node(f"scene[{i}].objects", "factorize.segment", (), "instances") for i in range(MOST)]
+    meshes = [node(f"body[b{i}].mesh", "factorize.mesh", (), "mesh", backend="a") for i in range(MOST)]
+    told = captions(shown(*meshes, *masks)[1])
+    assert told == [f"{i} objects instances" for i in range(3)] + [f"b{i} mesh mesh" for i in range(3)]
+
+
 def test_stubs_make_no_figure() -> None:
     assert shown(node("parse", "factorize.parse", (), "elements", backend="stub")) == {}
 
