@@ -9,10 +9,10 @@ from typing import Any
 
 from dextera_build import digest
 from dextera_build.recipe.expect import Expectation
-from dextera_build.report import bounds, flow, objects, provenance, result, tasks, timeline
+from dextera_build.report import bounds, figures, flow, objects, provenance, result, tasks, timeline
 from dextera_build.report.compared import compared
 from dextera_build.report.details import details
-from dextera_build.report.document import document
+from dextera_build.report.document import document, write
 from dextera_build.report.films import Films
 from dextera_build.report.html import Html, join, tag
 from dextera_build.report.pictures import LADDER, Pictures, from_header
@@ -20,10 +20,12 @@ from dextera_build.report.pieces import section
 from dextera_build.report.run import Run, read
 from dextera_build.report.sources import Store
 from dextera_build.report.tables import tables
+from dextera_build.report.view import NOTHING, View, closer
+from dextera_build.report.view import held as held_page
 from dextera_build.runs.events import Event
 
 LIMIT = 5_000_000
-"""Maximum size of a report [bytes]; pictures are made coarser until it fits."""
+"""Maximum size of a report without its page in 3D [bytes]; pictures are made coarser until it fits."""
 
 
 def build(
@@ -33,7 +35,7 @@ def build(
     *,
     licences: Mapping[str, str] | None = None,
     expected: Mapping[str, Expectation] | None = None,
-    view: str = "",
+    view: View = NOTHING,
     against: Iterable[Event | Mapping[str, Any]] | None = None,
 ) -> Path:
     """Write the report of a run to `out` atomically, and return `out`.
@@ -44,7 +46,7 @@ def build(
         out: The HTML file.
         licences: `rule:backend` or distribution -> licence, if known to the caller.
         expected: The bounds that the recipe states.
-        view: Link to a page that shows the result in 3D.
+        view: The page that shows the result in 3D.
         against: Events of a run to compare with.
     """
     run = read(events, store)
@@ -53,15 +55,13 @@ def build(
     if before is not None:
         extra = _adopt_images(before, extra)
     text, films, held = "", Films(store), bounds.table(run, expected or {})
+    limit = LIMIT + len((held_page(view) or "").encode())
     # Films go first, then pictures become coarser.
     for quality, shown in [(LADDER[0], films), *((quality, None) for quality in LADDER)]:
         text = page(run, Pictures(extra, quality), licences or {}, shown, held, view=view, before=before)
-        if len(text.encode()) <= LIMIT:
+        if len(text.encode()) <= limit:
             break
-    out.parent.mkdir(parents=True, exist_ok=True)
-    draft = out.with_name(f".{out.name}.part")
-    draft.write_text(text, encoding="utf-8")
-    draft.replace(out)
+    write(out, text)
     return out
 
 
@@ -72,13 +72,14 @@ def page(
     films: Films | None = None,
     held: Html | None = None,
     *,
-    view: str = "",
+    view: View = NOTHING,
     before: Run | None = None,
 ) -> str:
     """The whole document; without `films`, there are pictures instead; `held` is the table of bounds."""
     image, shown = result.hero(run, pictures)
-    shown_first = tag("div", None, image, result.closer(view)) if image or view else None
-    strip = result.strip(run, pictures, shown)
+    shown_first = tag("div", None, closer(view), image) if image or view else None
+    panels, held_by_figures = figures.figures(run, pictures)
+    strip = result.strip(run, pictures, {shown, *held_by_figures})
     numbers, gallery = tables(run), tasks.cards(run, pictures, films)
     parts: list[tuple[str, str, list[Html | None]]] = [
         ("result", "Result", [tag("div", {"class": "result"}, shown_first, result.outcome(run)), strip]),
@@ -88,6 +89,7 @@ def page(
             [*compared(run, before, pictures)] if before else [],
         ),
         ("bounds", "Bounds", [held] if held else []),
+        ("figures", "Figures", _cards(panels)),
         ("tasks", "Tasks", [tag("div", {"class": "gallery"}, gallery)] if gallery else []),
         ("objects", "Objects", _cards(objects.cards(run, pictures, objects=True))),
         ("numbers", "Numbers", [*numbers]),
@@ -102,7 +104,7 @@ def page(
     menu = tag("nav", {"aria-label": "sections"}, [tag("a", {"href": f"#{name}"}, words) for name, words, _ in parts])
     sections = [section(name, words, *inner) for name, words, inner in parts]
     body = tag("main", None, result.title(run), menu, result.failures(run), sections)
-    return document(f"{run.recipe} · run {run.name}", body, _overlays())
+    return document(f"{run.recipe} · run {run.name}", body, _overlays(), held_page(view), plays=bool(view.page))
 
 
 def _cards(cards: list[Html]) -> list[Html | None]:

@@ -102,6 +102,15 @@ def topological(nodes: Sequence[Node]) -> list[Node]:
     return list(done.values())
 
 
+def made_from(run: Run, rules: str) -> set[str]:
+    """Addresses of the nodes whose rule begins with `rules`, and of all that are made of their results."""
+    found: set[str] = set()
+    for node in topological(run.nodes):
+        if node.rule.startswith(rules) or found.intersection(node.depends_on):
+            found.add(node.address)
+    return found
+
+
 def _columns(run: Run) -> dict[Call, int]:
     """Column of every call by the longest path over calls, which aligns copies."""
     column: dict[Call, int] = {}

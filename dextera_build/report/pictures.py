@@ -49,7 +49,16 @@ class Pictures:
         self.large: set[str] = set()
         """Digests of pictures that the page shows larger than a thumbnail."""
 
-    def figure(self, digest: str, caption: str, *, size: str = "large", note: str = "", name: str = "") -> Html:
+    def figure(
+        self,
+        digest: str,
+        caption: str,
+        *,
+        size: str = "large",
+        note: str = "",
+        name: str = "",
+        simulated: bool = False,
+    ) -> Html:
         """A figure with its caption, or nothing if the store has no such picture.
 
         Args:
@@ -58,6 +67,7 @@ class Pictures:
             size: `hero`, `large` or `small`.
             note: The origin of the picture, shown before the caption.
             name: Node address, for the alternative text.
+            simulated: Whether a simulation replaces the hardware that it shows, which a label then says.
         """
         made = self.uri(digest, int(getattr(self._quality, size)))
         if made is None:
@@ -68,9 +78,10 @@ class Pictures:
         alt = f"{caption or 'picture'} of {name}" if name else caption or "picture"
         image = tag("img", {"src": uri, "alt": alt, "width": width, "height": height, "data-picture": digest[:16]})
         button = tag("button", {"type": "button", "class": "zoom", "aria-label": f"enlarge: {alt}"}, image)
-        words = tag("figcaption", None, tag("b", None, note) if note else None, " " if note else None, caption)
+        label = [tag("span", {"class": "simulated"}, "simulated"), " "] if simulated else None
+        words = tag("figcaption", None, label, tag("b", None, note) if note else None, " " if note else None, caption)
         shape = {"class": f"picture {size}", "style": f"--ratio:{width / height:.3f}"}
-        return tag("figure", shape, button, words if note or caption else None)
+        return tag("figure", shape, button, words if note or caption or label else None)
 
     def uri(self, digest: str, side: int) -> tuple[str, int, int] | None:
         """Data URI, width and height [px] with the longest side at most `side`."""

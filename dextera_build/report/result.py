@@ -82,11 +82,6 @@ def hero(run: Run, pictures: Pictures) -> tuple[Html | None, str]:
     return (figure, digest) if figure else (None, "")
 
 
-def closer(view: str) -> Html | None:
-    """A link to the page in which the result can be turned; nothing without one."""
-    return tag("p", {"class": "closer"}, tag("a", {"href": view}, "Open it in 3D")) if view else None
-
-
 def outcome(run: Run) -> Html:
     """Lines of the nodes outside groups, latest results first, with their numbers and checks."""
     rows = []
@@ -114,8 +109,8 @@ def outcome(run: Run) -> Html:
     )
 
 
-def strip(run: Run, pictures: Pictures, without: str) -> Html | None:
-    """Key pictures: those of the nodes outside groups, and one per object."""
+def strip(run: Run, pictures: Pictures, without: set[str]) -> Html | None:
+    """Key pictures that stand nowhere else: those of the nodes outside groups, and one per object."""
     found: list[tuple[Node, str, str, str]] = []
     for node in topological([n for n in run.nodes if not n.labels]):
         found += [(node, node.name, caption, digest) for caption, digest in node.previews[:_MOST]]
@@ -124,7 +119,7 @@ def strip(run: Run, pictures: Pictures, without: str) -> Html | None:
         if best is not None:
             found.append((best[0], label, best[1], best[2]))
     figures = []
-    seen = {without}
+    seen = set(without)
     for node, note, caption, digest in found:
         if digest not in seen:
             seen.add(digest)

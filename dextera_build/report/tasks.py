@@ -27,7 +27,7 @@ def cards(run: Run, pictures: Pictures, films: Films | None) -> list[Html]:
     worlds: dict[str, list[Node]] = {}
     for node in run.nodes:
         if node.artifact == _BUNDLE and node.output:
-            worlds.setdefault(str(_task(node).get("name", node.name)), []).append(node)
+            worlds.setdefault(str(spec(node).get("name", node.name)), []).append(node)
     return [_card(run, pictures, films, name, nodes) for name, nodes in sorted(worlds.items())]
 
 
@@ -35,7 +35,7 @@ def _card(run: Run, pictures: Pictures, films: Films | None, name: str, bundles:
     # The twin first: it is the task, and the others are where it is tried.
     bundles = sorted(bundles, key=lambda node: node.fields.get("kind") != "twin")
     first = bundles[0]
-    task = _task(first)
+    task = spec(first)
     goal = plain(task.get("goal", {}))
     facts = [
         ("primitive", str(goal.get("primitive", ""))),
@@ -92,12 +92,27 @@ def _rates(run: Run, bundles: list[Node]) -> Iterator[tuple[Node, str, str, Rate
             who = "operator's hands" if "recording" in node.inputs else "scripted operator"
             yield node, who, kinds[here[0]], Rate(done, int(node.fields.get("attempts", done))), None
         elif node.artifact == "Trials":
-            trials = [trial for trial in plain(node.fields.get("items", [])) if isinstance(trial, dict)]
-            rate = Rate(sum(bool(trial.get("success")) for trial in trials), len(trials))
+            trials = _trials(node)
             steps = len(trials) * len(plain(node.fields.get("stages", [])))
             progress = sum(int(trial.get("stage", 0)) for trial in trials) / steps if steps else None
             tracked = ", tracked" if node.fields.get("poses") == "tracked" else ""
-            yield node, str(node.fields.get("label", "")) + tracked, str(node.fields.get("world", "")), rate, progress
+            yield (
+                node,
+                str(node.fields.get("label", "")) + tracked,
+                str(node.fields.get("world", "")),
+                rate_of(node),
+                progress,
+            )
+
+
+def rate_of(node: Node) -> Rate:
+    """Successes of `Trials`, by their header."""
+    trials = _trials(node)
+    return Rate(sum(bool(trial.get("success")) for trial in trials), len(trials))
+
+
+def _trials(node: Node) -> list[dict[str, Any]]:
+    return [trial for trial in plain(node.fields.get("items", [])) if isinstance(trial, dict)]
 
 
 def _row(node: Node, who: str, world: str, rate: Rate, progress: float | None) -> Html:
@@ -120,7 +135,8 @@ def _row(node: Node, who: str, world: str, rate: Rate, progress: float | None) -
     )
 
 
-def _task(node: Node) -> dict[str, Any]:
+def spec(node: Node) -> dict[str, Any]:
+    """The task of a `TaskBundle` or of `Trials`, by its header."""
     found = plain(node.fields.get("task", {}))
     return found if isinstance(found, dict) else {}
 

@@ -34,25 +34,34 @@ def write(server: Any, path: Path, steps: Iterable[float] = ()) -> Path:
     Args:
         server: From `view.server.start`.
         path: A file with one of `SUFFIXES`.
-        steps: Moves the scene on with every item, which is the time that the state before it lasts [s]; left out of a
-            page whose sliders move a robot.
+        steps: See `page`.
     """
     check(path)
-    if path.suffix == ".html" and panel.has_robot(server):
-        steps = ()
-    recorder = server.get_scene_serializer()
-    moves = False
-    for seconds in steps:
-        recorder.insert_sleep(seconds)
-        moves = True
+    data = page(server, steps).encode() if path.suffix == ".html" else _recorded(server, steps)[0].serialize()
     path.parent.mkdir(parents=True, exist_ok=True)
-    data = _page(server, recorder, moves=moves) if path.suffix == ".html" else recorder.serialize()
     draft = path.with_name(f".{path.name}.part")
     draft.write_bytes(data)
     draft.replace(path)
     return path
 
 
-def _page(server: Any, recorder: Any, *, moves: bool) -> bytes:
-    """The page of a recording, with the panel of the viewer's controls."""
-    return panel.inserted(recorder.as_html(), panel.script(server, moves=moves)).encode()
+def page(server: Any, steps: Iterable[float] = ()) -> str:
+    """The server's scene as a page, with the panel of the viewer's controls.
+
+    Args:
+        server: From `view.server.start`.
+        steps: Moves the scene on with every item, which is the time that the state before it lasts [s]; left out of a
+            page whose sliders move a robot.
+    """
+    recorder, moves = _recorded(server, () if panel.has_robot(server) else steps)
+    return panel.inserted(recorder.as_html(), panel.script(server, moves=moves))
+
+
+def _recorded(server: Any, steps: Iterable[float]) -> tuple[Any, bool]:
+    """The recorder of viser after all steps, and whether there were any."""
+    recorder = server.get_scene_serializer()
+    moves = False
+    for seconds in steps:
+        recorder.insert_sleep(seconds)
+        moves = True
+    return recorder, moves

@@ -22,7 +22,7 @@ from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import UsageError
 from dextera_build.gaussians import arrays
 from dextera_build.geometry import cameras, convex, kinematics, quaternions, transforms
-from dextera_build.view.figure import textured
+from dextera_build.view.figure import add_textured
 
 PIECE_COLOURS = ((230, 85, 60), (60, 140, 220), (90, 180, 90), (235, 170, 50), (150, 105, 200), (90, 190, 190))
 MOST_POINTS = 100_000
@@ -46,8 +46,8 @@ def _(mesh: Mesh, server: Any, name: str) -> Any:
         colour = tuple(round(255 * part) for part in mesh.colour)
         return server.scene.add_mesh_simple(name, mesh.vertices, mesh.faces, color=colour, side="double")
     # The texture already contains the light of the photograph.
-    made = textured(mesh.vertices, mesh.faces, mesh.uv.reshape(-1, 2), mesh.texture.pixels, glows=True)
-    return server.scene.add_mesh_trimesh(name, made)
+    uv, pixels = mesh.uv.reshape(-1, 2), mesh.texture.pixels
+    return add_textured(server, name, mesh.vertices, mesh.faces, uv, pixels, glows=True)
 
 
 @show.register

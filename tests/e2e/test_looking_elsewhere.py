@@ -54,8 +54,9 @@ def test_after_a_build_the_scene_is_shown_and_marked(made: Space) -> None:
     assert "was written" not in said
     text = (made.root / "cache/out/table/report.html").read_text()
     assert "stub backends made" in text
-    assert 'href="report_3d.html"' in text
-    assert "viser" in (made.root / "cache/out/table/report_3d.html").read_text()
+    assert 'id="turn"' in text
+    assert "__VISER_EMBED_DATA__" in text
+    assert not (made.root / "cache/out/table/report_3d.html").exists()
     assert made.dxb("report", "table", "--against", "0001", "-o", "beside.html").code == 0
     assert "Beside run 0001" in (made.root / "beside.html").read_text()
     assert "`table:scene` was made with stub backends: " in made.dxb("get", "table:scene", "-o", "got").err

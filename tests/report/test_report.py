@@ -107,6 +107,7 @@ def test_what_the_page_holds(tmp_path: Path) -> None:
     assert sum(a.get("class") == "node" for a in page.all("details")) == 38
     assert page.words["h2"] == [
         "Result",
+        "Figures",
         "Objects",
         "Numbers",
         "Graph",

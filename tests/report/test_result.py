@@ -53,15 +53,6 @@ def test_no_line_of_the_result_is_lost_and_none_is_cut() -> None:
     assert not re.search(r"\.outcome[^{]*\{[^}]*max-height", style)
 
 
-@pytest.mark.slow
-def test_the_picture_has_a_link_to_the_page_in_3d_if_there_is_one(tmp_path: Path) -> None:
-    events, store = fabricate()
-    without = report.build(events, store, tmp_path / "a.html").read_text()
-    text = report.build(events, store, tmp_path / "b.html", view="b_3d.html").read_text()
-    assert "_3d.html" not in without
-    assert text.index('class="picture hero"') < text.index('href="b_3d.html"') < text.index('class="outcome"')
-
-
 def test_two_runs_stand_side_by_side(tmp_path: Path) -> None:
     pictures = Pictures(FakeStore(), LADDER[0])  # type: ignore[arg-type]
 

@@ -162,7 +162,7 @@ DOCUMENTS = (
         "dxb report [RUN]",
         {
             "report": ("text", "path of the page"),
-            "view": ("text or null", "path of the page that shows the result in 3D; null: none was written"),
+            "view": ("text or null", "path of the page in 3D if it is too large for the report; else null"),
         },
     ),
     Document("view", "dxb view RECIPE", {"url": ("text", "address of the viewer")}, when="when it listens"),

@@ -34,6 +34,7 @@ def run(args: argparse.Namespace) -> int:
     from dextera_build.building import places
     from dextera_build.explain import runs
     from dextera_build.report.build import build
+    from dextera_build.report.view import placed
     from dextera_build.session import Session, reading
 
     project = options.project(args)
@@ -52,35 +53,34 @@ def run(args: argparse.Namespace) -> int:
         expected = found.expect if found is not None else {}
     against = runs.find(project, args.against)[1] if args.against else None
     with table.writing(out, hint=None if args.out else f"dxb report {recipe} -o report.html"):
-        view = _view(Session(project, recipe, options.added(args), last=True), start["run"], out)
-        link = view.name if view else ""
-        path = build(events, reading(project), out, licences=licences, expected=expected, view=link, against=against)
-    written = {"report": project.shown(path), "view": project.shown(view) if view else None}
+        view = placed(_page(Session(project, recipe, options.added(args), last=True), start["run"]), out)
+        path = build(events, reading(project), out, licences=licences, expected=expected, view=view, against=against)
+    written = {"report": project.shown(path), "view": project.shown(out.with_name(view.link)) if view.link else None}
     table.say("report", written, project.shown(path), as_json=args.json)
     if args.open or (os.environ.get("DISPLAY") and os.isatty(1) and args.out is None):
         webbrowser.open(path.absolute().as_uri())
     return 0
 
 
-def _view(session: Session, run: str, out: Path) -> Path | None:
-    """Write the page that shows the result in 3D next to the report `out`.
+def _page(session: Session, run: str) -> str:
+    """The page that shows the result in 3D.
 
     Returns:
-        The page; None if the run is not the one that `dxb view` shows, made nothing to view, or viser is not installed.
+        "" if the run is not the one that `dxb view` shows, made nothing to view, or viser is not installed.
     """
     from dextera_build.cli.look import shown
     from dextera_build.view import save, server
 
     if session.last_run() != run:
-        return None
+        return ""
     try:
         fill = shown.of(session, "")
         viewer, _ = server.start()
     except DxbError:
-        return None
+        return ""
     try:
-        return save.write(viewer, out.with_name(f"{out.stem}_3d.html"), fill(viewer))
+        return save.page(viewer, fill(viewer))
     except DxbError:
-        return None
+        return ""
     finally:
         server.stop(viewer)

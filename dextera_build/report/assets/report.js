@@ -100,6 +100,30 @@
     });
   }
 
+  // The page in 3D takes the picture's place; it is neither read nor run before.
+  const turn = document.getElementById("turn");
+  if (turn) {
+    const held = document.getElementById("turned"), fill = document.getElementById("fill");
+    const picture = held.parentElement.querySelector(".hero");
+    turn.parentElement.hidden = false;
+    turn.addEventListener("click", () => {
+      const open = held.hidden;
+      const frame = document.createElement("iframe");
+      if (open) {
+        frame.title = "the result in 3D";
+        frame.allow = "fullscreen";
+        frame.srcdoc = JSON.parse(document.getElementById("view").textContent);
+      }
+      held.replaceChildren(...(open ? [frame] : []));
+      held.hidden = !open;
+      fill.hidden = !open || !document.fullscreenEnabled;
+      if (picture) picture.classList.toggle("turned", open);
+      turn.setAttribute("aria-expanded", open);
+      turn.textContent = open ? "Back to the picture" : "Turn it in 3D";
+    });
+    fill.addEventListener("click", () => held.requestFullscreen());
+  }
+
   // A film plays by itself, but not for those who asked for less motion.
   if (window.matchMedia("(prefers-reduced-motion: reduce)").matches) all("video").forEach((film) => film.pause());
 

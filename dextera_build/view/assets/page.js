@@ -3,6 +3,8 @@
 (() => {
   const controls = window.dxbControls || [];
   const viewer = () => window.__viserMutable;
+  const saved = window.__VISER_EMBED_CONFIG__;
+  if (saved) saved.darkMode = window.matchMedia("(prefers-color-scheme: dark)").matches;
 
   // Textures that glow hold the light of the photograph already: they are shown as they are.
   const plain = () => {
@@ -158,11 +160,12 @@
       #dxb label { display: block; margin-top: 6px; }
       #dxb input[type=range] { width: 100%; }
       #dxb output { float: right; font-variant-numeric: tabular-nums; }
-      #dxb button { margin-top: 8px; width: 100%; font: inherit; padding: 4px; }`);
+      #dxb button { margin-top: 8px; width: 100%; font: inherit; padding: 4px; }
+      @media (prefers-color-scheme: dark) { #dxb { background: rgb(25 28 32 / 0.94); color: #e6e8eb; color-scheme: dark; } }`);
     const back = element("button", { type: "button" }, "Look from the start");
     back.addEventListener("click", () => viewer() && viewer().resetCameraPose && viewer().resetCameraPose(true));
     const rows = controls.map((control) => makers[control.kind](control));
-    const box = element("details", { id: "dxb", open: window.innerWidth > 700 }, element("summary", {}, "Show"), ...rows, back);
+    const box = element("details", { id: "dxb", open: window.innerWidth > 900 }, element("summary", {}, "Show"), ...rows, back);
     document.body.append(style, box);
   };
   const start = () => (viewer() ? panel() : setTimeout(start, 200));
