@@ -95,6 +95,8 @@ class RosCell:
         self._inner = wire.Joints(bundle.displacement_names, topics)
         self.mirror = MeasuredState(bundle)
         """Judges success by what was measured."""
+        self.judges = False
+        """Whether all objects were measured at the beginning, so that success can be judged."""
         rate = bundle.task.control_hz
         self._period, self.rate_hz = round(SECOND / rate), rate
         self._encoders = Encoders(bundle.robot)
@@ -136,20 +138,22 @@ class RosCell:
         self._guard.begin(self.previous_action)
         self._encoders.begin(self.previous_action)
         measured = self.measure()
+        self.judges = measured.placed
         if self.judges:
             self.mirror.begin(measured)
         return measured
 
-    @property
-    def judges(self) -> bool:
-        """Whether objects are measured, so that success can be judged."""
-        inner = self.displacement.last is not None or not self._bundle.displacement_names
-        return inner and all(each.last is not None for each in self.objects.values())
+    def judge(self, measured: Measurement, time_s: float) -> bool | None:
+        """Whether a measurement, `time_s` after the beginning [s], shows that the task is done.
+
+        None: an object, or a joint of one, is not measured, or was not at the beginning, with which it is compared.
+        """
+        return self.mirror.judge(measured, time_s) if self.judges and measured.placed else None
 
     def measure(self, frames: Frames | None = None) -> Measurement:
         """The newest pictures with the joint state that belongs to them, and the poses of objects measured last.
 
-        Values that were not measured are NaN.
+        Values that were not measured within `silence_s` are NaN.
 
         Raises:
             Stopped: A measurement is missing, too old, or belongs to no other.
@@ -183,9 +187,8 @@ class RosCell:
         now = self._transport.clock()
         if (answer_s := (now - self._measured) / SECOND) > self.safety.answer_s:
             raise self.stop(f"the policy answered after {answer_s:.2f} s, later than {self.safety.answer_s:g} s")
-        seen = [each.silent_s(now) for each in self.needed_streams() if each is not self.state]
         try:
-            sent = self._guard.passed(targets, np.zeros((0, 3)), max(seen, default=0.0))
+            sent = self._guard.passed(targets, np.zeros((0, 3)), 0.0)  # `_check` knows the silence of every topic
         except Stopped as stopped:
             self._say(stopped.message)
             raise
@@ -286,8 +289,18 @@ class RosCell:
             why = f"no joint states arrived for more than {most:g} s"
         if not why and (late_s := self.state.late_s()) > self.safety.late_s:
             why = f"joint states arrive {late_s:.2f} s late, more than {self.safety.late_s:g} s"
+        why = why or next(filter(None, (self._old(each, now) for each in self.needed_streams()[1:])), "")
         if why:
             raise self.stop(why)
+
+    def _old(self, stream: Stream, now: int) -> str:
+        """Why the newest picture or pose must not be used any more; empty if it may be."""
+        most = self.safety.limits.silence_s
+        if stream.silent_s(now) > most:
+            return f"no frame arrived for more than {most:g} s on {stream.name}"
+        if (age_s := stream.age_s(now)) > most:
+            return f"the newest frame on {stream.name} is {age_s:.2f} s old, more than {most:g} s"
+        return ""
 
     def _intervened(self, wanted: np.ndarray, sent: np.ndarray, now: int) -> None:
         """Record the targets, and which of them the guard changed."""
@@ -310,13 +323,18 @@ class RosCell:
     def _poses(self) -> np.ndarray:
         found = np.full((len(self._rows), 7), np.nan)
         for name, stream in self.objects.items():
-            if (last := stream.last) is not None:
+            if (last := self._fresh(stream)) is not None:
                 found[self._rows[name]] = last.value
         return found
 
     def _displacement(self) -> np.ndarray:
-        last = self.displacement.last
+        last = self._fresh(self.displacement)
         return np.full(len(self._bundle.displacement_names), np.nan) if last is None else np.array(last.value)
+
+    def _fresh(self, stream: Stream) -> Sample | None:
+        """The newest measurement of a stream; None if it is too old, or the stream has a fault."""
+        old = bool(stream.fault) or stream.age_s(self._transport.clock()) > self.safety.limits.silence_s
+        return None if old else stream.last
 
     def _frame(self, camera: str, shown: Mapping[tuple[str, str], Sample | None]) -> Frame:
         picture, measured = shown.get(("rgb", camera)), shown.get(("depth", camera))

@@ -67,9 +67,8 @@ class Demonstration:
         now, targets = self._transport.clock(), self._targets.copy()
         period = round(SECOND / self._cell.rate_hz)
         periods.commanded(self._bag, now, self._bundle, period, {REQUESTED: targets, SENT: targets})
-        if self._cell.judges and self.steps:
-            seen = self._cell.mirror.judge(measured, self.steps / self._cell.rate_hz)
-            self.success = bool(self.success or seen)
+        if self.steps:
+            self.success = self.success or self._cell.judge(measured, self.steps / self._cell.rate_hz)
         self.steps += 1
 
     def end(self, reason: str) -> None:

@@ -44,7 +44,7 @@ class Drive:
     faulty: bool = False
     """Whether it was stopped: by the guard, a fault of the policy or the operator."""
     success: bool | None = None
-    """Whether the measurements show success; None: objects are not measured."""
+    """Whether the last measurement shows success; None: not all objects were measured then, or at the beginning."""
     steps: int = 0
     """Number of control periods."""
     missed: int = 0
@@ -131,8 +131,7 @@ def drive(
             ran.missed += late
             due = _next(clock, (sent[-1] if late else due) + period)
             measured = cell.measure()
-            if cell.judges:
-                ran.success = cell.mirror.judge(measured, ran.steps / rate_hz)
+            ran.success = cell.judge(measured, ran.steps / rate_hz)
             if ran.success or ran.steps >= limit_s * rate_hz:
                 ran.reason = DONE if ran.success else LATE.format(limit_s)
                 break
