@@ -6,7 +6,7 @@ import argparse
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -147,19 +147,22 @@ def refuse(args: argparse.Namespace, here: Connected, transport: Transport, cell
 
 @contextmanager
 def recorded(args: argparse.Namespace, out: Path) -> Iterator[tuple[Transport, Bag]]:
-    """The robot's DDS domain and a recording, both closed at the end; a robot that is not ready leaves no recording."""
-    from dextera_build.deploying.bag import Bag
-    from dextera_build.errors import MachineError
+    """The robot's transport and a new recording, both closed at the end; a run that fails before it begins leaves none.
 
-    robot, bag = transport(args, (args.robot,)), Bag.create(out)
+    Raises:
+        UsageError: There is such a recording, or it cannot be written.
+        MachineError: The network cannot be used.
+    """
+    from dextera_build.deploying.bag import Bag
+
+    bag = Bag.create(out)
     try:
-        yield robot, bag
-    except MachineError:
-        out.unlink()
+        with closing(bag), closing(transport(args, (args.robot,))) as robot:
+            yield robot, bag
+    except BaseException:
+        if not bag.periods:
+            out.unlink()
         raise
-    finally:
-        robot.close()
-        bag.close()
 
 
 def judged(args: argparse.Namespace, bag: Bag, told: dict[str, Any], success: bool | None) -> None:
@@ -192,5 +195,13 @@ def recording_arguments(parser: argparse.ArgumentParser, folder: str) -> None:
 
 
 def recording(args: argparse.Namespace, here: Connected, folder: str) -> Path:
-    """The recording to write."""
-    return Path(args.out or time.strftime(f"{folder}/{here.bundle.task.name}-%Y%m%d-%H%M%S.mcap"))
+    """The recording to write.
+
+    Raises:
+        UsageError: There is one, or it cannot be written.
+    """
+    from dextera_build.formats.ros.recording import check_new
+
+    out = Path(args.out or time.strftime(f"{folder}/{here.bundle.task.name}-%Y%m%d-%H%M%S.mcap"))
+    check_new(out)
+    return out
