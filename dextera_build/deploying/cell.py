@@ -19,6 +19,7 @@ from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.deploying import periods, wire
 from dextera_build.deploying.bag import INTERVENTIONS, Bag
+from dextera_build.deploying.commanders import Commanders
 from dextera_build.deploying.encoders import Encoders
 from dextera_build.deploying.frozen import Frozen
 from dextera_build.deploying.stream import Sample, Stream
@@ -93,6 +94,7 @@ class RosCell:
         self._rows = {name: row for row, name in enumerate(bundle.objects)}
         self._joints = wire.Joints([joint.name for joint in bundle.robot.joints], topics)
         self._inner = wire.Joints(bundle.displacement_names, topics)
+        self._commanders = Commanders(transport, topics, self._joints)
         self.mirror = MeasuredState(bundle)
         """Judges success by what was measured."""
         self.judges = False
@@ -197,6 +199,7 @@ class RosCell:
         stamp = now - round(self.state.offset_s * SECOND)
         for controller in self._topics.controllers:
             command = self._joints.command(stamp, controller, sent, self._period)
+            self._commanders.sends(controller, command)
             self._transport.publish(controller.topic, command)
             self._record(controller.topic, command, now)
         self.delays_s.append((self._transport.clock() - self._anchor.stamp) / SECOND - self.state.offset_s)
@@ -283,7 +286,7 @@ class RosCell:
         """Raise if the measurements or the recording are of no use."""
         now = self._transport.clock()
         why = next((each.fault for each in self.needed_streams() if each.fault), "")
-        why = why or (self._bag.fault if self._bag is not None else "")
+        why = why or self._commanders.fault or (self._bag.fault if self._bag is not None else "")
         most = self.safety.periods / self.rate_hz
         if not why and self.state.silent_s(now) > most:
             why = f"no joint states arrived for more than {most:g} s"

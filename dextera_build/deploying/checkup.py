@@ -45,7 +45,14 @@ class Check:
 
 
 def checkup(
-    transport: Transport, topics: Topics, cell: RosCell, robot: RobotModel, sleep: Sleep, listen_s: float = 3.0
+    transport: Transport,
+    topics: Topics,
+    cell: RosCell,
+    robot: RobotModel,
+    sleep: Sleep,
+    listen_s: float = 3.0,
+    *,
+    commands: bool = True,
 ) -> tuple[Check, ...]:
     """Listen to a robot, and compare what it publishes with what a run needs. Nothing is sent.
 
@@ -56,6 +63,7 @@ def checkup(
         robot: The model.
         sleep: Waits [s].
         listen_s: Time to listen [s].
+        commands: Whether dxb is the one who commands the robot, so that nobody else may.
     """
     sleep(listen_s)
     others, fits = transport.others(), transport.fits
@@ -66,6 +74,7 @@ def checkup(
     found += [
         check for controller in topics.controllers for check in _matched(controller.topic, others, fits, CONTROLLER)
     ]
+    found += [_alone(controller.topic, others) for controller in topics.controllers if commands]
     silence_s, now = cell.safety.limits.silence_s, transport.clock()
     found += [check for stream in cell.needed_streams() for check in _arrives(stream, stream.silent_s(now), silence_s)]
     found += _clock(cell.state, LEAST_STATES * cell.rate_hz)
@@ -130,6 +139,17 @@ def _matched(
         fits(offered, requested),
         f"offered {offered}, requested {requested}",
         f"{side.change} `{topic.name}` as {topic.quality}",
+    )
+
+
+def _alone(topic: Topic, others: tuple[Endpoint, ...]) -> Check:
+    """Whether no other program commands a controller."""
+    writers = sum(each.topic == topic.name and each.writes for each in others)
+    return Check(
+        f"{topic.name} is free",
+        not writers,
+        f"{writers} other writer" + ("" if writers == 1 else "s"),
+        f"end the program that commands it, which `ros2 topic info --verbose {topic.name}` names",
     )
 
 

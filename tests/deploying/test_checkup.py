@@ -10,6 +10,7 @@ pytest.importorskip("rosbags", reason="needs rosbags (extra `ros`)")
 from dextera_build.artifacts.robots.ros_names import Controller, RosNames
 from dextera_build.deploying import topics as tables
 from dextera_build.deploying.checkup import Check, checkup
+from dextera_build.deploying.loopback import Loopback
 from dextera_build.deploying.simulated import Simulation
 from dextera_build.deploying.transport import Quality, Topic
 from dextera_build.formats.ros import hashes, messages
@@ -61,6 +62,18 @@ def _without(message: bytes, name: str) -> bytes:
         pose = np.array([at.x, at.y, at.z, turn.w, turn.x, turn.y, turn.z])
         edges += [(each.header.frame_id, each.child_frame_id, pose)] if each.child_frame_id != name else []
     return messages.transforms(read.transforms[0].header.stamp.sec * 10**9, edges)
+
+
+def test_another_program_that_commands_is_found() -> None:
+    rig = Rig()
+    (controller,) = rig.cell._topics.controllers
+    Loopback(rig.bus).publish(controller.topic, b"")
+    found = failed(rig)
+    assert list(found) == ["/joint_trajectory is free"]
+    assert found["/joint_trajectory is free"].found == "1 other writer"
+    assert "`ros2 topic info --verbose /joint_trajectory`" in found["/joint_trajectory is free"].mend
+    recorded = checkup(rig.transport, rig.cell._topics, rig.cell, rig.bundle.robot, rig.sleep, commands=False)
+    assert all(each.ok for each in recorded)
 
 
 def test_a_controller_of_another_type_is_found() -> None:

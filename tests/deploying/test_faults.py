@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import threading
+from typing import Literal
 
 import numpy as np
 import pytest
 
 pytest.importorskip("rosbags", reason="needs rosbags (extra `ros`)")
 
+from dextera_build.artifacts.robots.ros_names import Controller, RosNames
 from dextera_build.deploying.faults import FAULTS, Fault, FaultKind
+from dextera_build.deploying.loopback import Loopback
 from dextera_build.deploying.simulated import Simulation
 from dextera_build.policy.running import PolicyFault
 from tests.deploying.robots import Line, Rig
@@ -118,6 +121,32 @@ def test_a_robot_that_is_silent_from_the_beginning_is_not_moved() -> None:
     ran = rig.drive(Line(TARGETS))
     assert ran.reason.startswith("the guard stopped the robot: nothing arrived on /joint_states")
     assert rig.robot.heard.commands == 0
+
+
+@pytest.mark.parametrize("kind", ["trajectory", "forward"])
+def test_another_program_that_commands_the_robot_stops_the_run(kind: Literal["trajectory", "forward"]) -> None:
+    rig = Rig(RosNames(controllers=(Controller(topic="/go", kind=kind),)))
+    other, (controller,) = Loopback(rig.bus), rig.cell._topics.controllers
+
+    def commanded() -> np.ndarray:
+        other.publish(controller.topic, rig.cell._joints.command(rig.time, controller, np.zeros(5), 50_000_000))
+        return TARGETS
+
+    ran = rig.drive(Line(TARGETS, after=10, then=commanded))
+    assert (ran.reason, ran.steps) == ("the guard stopped the robot: another program commands /go, too", 10)
+    held(rig)
+
+
+def test_commands_that_come_back_are_no_others() -> None:
+    rig = Rig()
+    publish = rig.transport.publish
+
+    def echoed(topic, message):
+        publish(topic, message)
+        rig.transport.arrived(topic, message)
+
+    rig.transport.publish = echoed  # type: ignore[method-assign]
+    assert not rig.drive(Line(TARGETS)).faulty
 
 
 def test_a_slow_policy_neither_bursts_nor_acts_on_what_was_long_ago() -> None:

@@ -125,8 +125,10 @@ def shown(checks: tuple[Check, ...]) -> list[dict[str, Any]]:
     return [{"check": each.what, "ok": each.ok, "found": each.found, "mend": each.mend or None} for each in checks]
 
 
-def refuse(args: argparse.Namespace, here: Connected, transport: Transport, cell: RosCell) -> None:
-    """Check a robot before its run.
+def refuse(
+    args: argparse.Namespace, here: Connected, transport: Transport, cell: RosCell, *, commands: bool = True
+) -> None:
+    """Check a robot before its run; `commands`: whether it is dxb that commands it.
 
     Raises:
         MachineError: A check failed.
@@ -134,7 +136,7 @@ def refuse(args: argparse.Namespace, here: Connected, transport: Transport, cell
     from dextera_build.deploying.checkup import checkup
     from dextera_build.errors import MachineError
 
-    checks = checkup(transport, here.topics, cell, here.bundle.robot, time.sleep)
+    checks = checkup(transport, here.topics, cell, here.bundle.robot, time.sleep, commands=commands)
     failed = [each for each in checks if not each.ok]
     if failed:
         raise MachineError(

@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
         # Pictures of a camera that stops are no pictures of the demonstration.
         cell = RosCell(transport, here.topics, here.bundle, (*NEEDED, *(("rgb",) if here.view else ())), bag=bag)
         made = Demonstration(transport, here.topics, here.bundle, cell, bag)
-        connected.refuse(args, here, transport, cell)
+        connected.refuse(args, here, transport, cell, commands=False)
         bag.describe(here.bundle, time.time_ns())
         about = {"policy": "", "algorithm": "", "origin": "operator"}
         bag.state(ABOUT, time.time_ns(), facts(cell, here.bundle) | about)
