@@ -16,6 +16,7 @@ from dextera_build.deploying.bag import Bag
 from dextera_build.deploying.cell import RosCell
 from dextera_build.deploying.topics import STATUS, Commanded, Topics
 from dextera_build.deploying.transport import Transport
+from dextera_build.errors import listing
 from dextera_build.formats.ros.reading import SECOND
 from dextera_build.policy.robot_run import REQUESTED, SENT, STOPPED
 
@@ -36,6 +37,7 @@ class Demonstration:
         self._names = [joint.name for joint in bundle.robot.joints]
         self._joints = wire.Joints(self._names, topics)
         self._targets = np.full(len(self._names), np.nan)
+        self._controllers, self._unusable = topics.controllers, ""
         self.steps = 0
         """Number of control periods that were recorded."""
         self.success: bool | None = None
@@ -47,6 +49,14 @@ class Demonstration:
     def commanded(self) -> bool:
         """Whether every joint was commanded."""
         return bool(np.isfinite(self._targets).all())
+
+    def waits_for(self) -> str:
+        """Which joints were not commanded so far, and on which topics; why the last command was of no use."""
+        every = []
+        for controller in self._controllers:
+            silent = [name for name in controller.joints if np.isnan(self._targets[self._names.index(name)])]
+            every += [f"{listing(silent)} on {controller.topic.name}"] if silent else []
+        return "; ".join(filter(None, (*every, self._unusable)))
 
     def begin(self) -> None:
         """Begin, once every joint was commanded.
@@ -79,7 +89,8 @@ class Demonstration:
         self._bag.add(controller.topic, arrived, message)
         try:
             targets, _, _ = self._joints.commanded(controller, message)
-        except wire.UnusableError:
+        except wire.UnusableError as error:
+            self._unusable = f"a command on {controller.topic.name} cannot be used: {error}"
             return  # its controller refuses it, too
         # A new array, because another thread reads the old one.
         fresh = self._targets.copy()

@@ -91,7 +91,9 @@ class Joints:
             names, values = read.joint_names, point.positions
             reach = float(point.time_from_start.sec + point.time_from_start.nanosec / SECOND)
             stamp = stamp_of(read.header)
-        if sorted(names) != sorted(named) or len(values) != len(named):
+        if len(values) != len(named):
+            raise UnusableError(f"its number of targets is {len(values)}, that of the controller's joints {len(named)}")
+        if sorted(names) != sorted(named):
             raise UnusableError(f"its joints are {listing(names)}, those of the controller {listing(named)}")
         places = dict(zip(names, values, strict=True))
         signs = dict(zip(self._joints, self._sign, strict=True))

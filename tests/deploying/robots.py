@@ -105,13 +105,14 @@ class Watcher:
     Args:
         rig: The robot.
         needed: What is measured besides the joints.
+        names: Names in ROS 2.
     """
 
-    def __init__(self, rig: Rig, needed: tuple[str, ...] = NEEDED) -> None:
+    def __init__(self, rig: Rig, needed: tuple[str, ...] = NEEDED, names: RosNames | None = None) -> None:
         self._rig, self._file = rig, io.BytesIO()
         self.bag, self.transport = Bag(self._file), Loopback(rig.bus)
         cameras = ("workspace",) if "rgb" in needed else ()
-        self.topics = tables.of_robot(rig.bundle.robot, RosNames(), cameras)
+        self.topics = tables.of_robot(rig.bundle.robot, names or RosNames(), cameras)
         self.cell = RosCell(self.transport, self.topics, rig.bundle, needed, bag=self.bag, sleep=rig.sleep)
         self.made = Demonstration(self.transport, self.topics, rig.bundle, self.cell, self.bag)
         about = {"policy": "", "algorithm": "", "origin": "operator", "world": "real"}

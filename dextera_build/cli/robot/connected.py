@@ -27,6 +27,9 @@ TRANSPORTS = ("dds", "zenoh", "rosbridge")
 ANYWHERE = "0.0.0.0"
 """Where a simulated robot that others read listens as a router."""
 
+MOST_LIMIT_S = 86400.0
+"""Longest run or recording, a day [s]."""
+
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of all verbs of robots."""
@@ -194,6 +197,12 @@ def recording_arguments(parser: argparse.ArgumentParser, folder: str) -> None:
     """Add the arguments of verbs that record a robot."""
     parser.add_argument("--robot", metavar="HOST", default="127.0.0.1", help="address of the robot (127.0.0.1)")
     parser.add_argument("--out", metavar="FILE", help=f"the recording to write, .mcap ({folder}/TASK-TIME.mcap)")
+
+
+def limit_argument(parser: argparse.ArgumentParser, what: str) -> None:
+    """Add the time limit of what is recorded."""
+    read = options.number("--limit", 0.0, MOST_LIMIT_S, above=True)
+    parser.add_argument("--limit", type=read, metavar="S", help=f"longest {what} in seconds (of the task)")
 
 
 def recording(args: argparse.Namespace, here: Connected, folder: str) -> Path:

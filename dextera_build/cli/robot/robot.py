@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import time
 
-from dextera_build.cli import table
+from dextera_build.cli import options, table
 from dextera_build.cli.robot import beside, connected, record, simulate, track
 
 _ACTIONS = {
@@ -14,6 +14,9 @@ _ACTIONS = {
     "record": "record a demonstration that another program commands; nothing is sent",
     "simulate": "put a task's world behind the topics of a robot, in real time, for trying without one",
 }
+
+MOST_LISTEN_S = 600.0
+"""Longest time for which the checks listen [s]."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,10 +32,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
             track.cell_arguments(sub)
         if name == "doctor":
             sub.add_argument("--robot", metavar="HOST", default="127.0.0.1", help="address of the robot (127.0.0.1)")
-            sub.add_argument("--listen", type=float, default=3.0, metavar="S", help="time to listen in seconds (3)")
+            read = options.number("--listen", 0.0, MOST_LISTEN_S, above=True)
+            sub.add_argument("--listen", type=read, default=3.0, metavar="S", help="time to listen in seconds (3)")
         elif name == "record":
             connected.recording_arguments(sub, "recordings")
-            sub.add_argument("--limit", type=float, metavar="S", help="longest recording in seconds (of the task)")
+            connected.limit_argument(sub, "recording")
         else:
             simulate.arguments(sub)
 
