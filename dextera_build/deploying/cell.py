@@ -113,6 +113,8 @@ class RosCell:
         self.objects = {name: Stream(topics.objects.name, of=name) for name in bundle.objects}
         self.displacement = Stream(topics.displacement.name)
         self.pictures = {camera: Stream(topic.name, depth=4) for camera, topic in topics.pictures.items()}
+        self.round_trip_s: float | None = None
+        """Time of a message to the robot and back, see `probe` [s]; None: it is not known."""
         self.world = REAL
         """World of the robot: `real`, or the one that a simulated robot states."""
         self._frozen = {camera: Frozen(safety.limits.silence_s) for camera in topics.pictures}
@@ -121,6 +123,14 @@ class RosCell:
         if not bundle.displacement_names:
             self._needed.discard("displacement")
         self._listen()
+
+    def probe(self) -> float | None:
+        """Measure how long a message takes to the robot and back [s], by which commands are due later; None: unknown.
+
+        It may take seconds, in which nothing may be sent.
+        """
+        self.round_trip_s = self._transport.round_trip_s()
+        return self.round_trip_s
 
     def begin(self, limit_s: float = 10.0) -> Measurement:
         """Wait for the first measurements, and begin with the robot where it is.
@@ -196,9 +206,11 @@ class RosCell:
             raise
         self._intervened(np.asarray(targets, np.float64), sent, now)
         # By the robot's clock, so that a controller refuses what arrives when its time is over, after a network's gap.
+        # The offset contains the delay to here, and the delay to there is still to come.
         stamp = now - round(self.state.offset_s * SECOND)
+        reach = self._period + round((self.round_trip_s or 0.0) * SECOND)
         for controller in self._topics.controllers:
-            command = self._joints.command(stamp, controller, sent, self._period)
+            command = self._joints.command(stamp, controller, sent, reach)
             self._commanders.sends(controller, command)
             self._transport.publish(controller.topic, command)
             self._record(controller.topic, command, now)

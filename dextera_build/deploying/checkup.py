@@ -77,7 +77,7 @@ def checkup(
     found += [_alone(controller.topic, others) for controller in topics.controllers if commands]
     silence_s, now = cell.safety.limits.silence_s, transport.clock()
     found += [check for stream in cell.needed_streams() for check in _arrives(stream, stream.silent_s(now), silence_s)]
-    found += _clock(cell.state, LEAST_STATES * cell.rate_hz)
+    found += _clock(cell)
     found += _joints(cell, robot)
     return tuple(found)
 
@@ -177,8 +177,9 @@ def _arrives(stream: Stream, silent_s: float, most_s: float) -> Iterator[Check]:
         yield Check(f"{stream.name} arrives", True, f"{stream.count} messages, {stream.rate_hz():.1f} Hz")
 
 
-def _clock(state: Stream, least_hz: float) -> Iterator[Check]:
-    """Rate of joint states, and the offset of the robot's clock, which is only reported."""
+def _clock(cell: RosCell) -> Iterator[Check]:
+    """Rate of joint states, the delay, and the offset of the robot's clock, which is only reported."""
+    state, least_hz = cell.state, LEAST_STATES * cell.rate_hz
     if state.last is None:
         return
     rate = state.rate_hz()
@@ -188,9 +189,22 @@ def _clock(state: Stream, least_hz: float) -> Iterator[Check]:
         f"{rate:.1f} Hz",
         f"raise `update_rate` of the controller manager to {least_hz:g} Hz or more",
     )
+    yield _delay(cell.probe(), 1.0 / cell.rate_hz)
     offset = state.offset_s
     remark = "; `chrony` on both machines would set it" if abs(offset) > CLOCK_S else ""
     yield Check("clock", True, f"{1000 * offset:.1f} ms behind this machine's with the delay, corrected{remark}")
+
+
+def _delay(round_trip_s: float | None, period_s: float) -> Check:
+    """Whether a command that follows from a measurement arrives before the next measurement does."""
+    if round_trip_s is None:
+        return Check("delay", True, "not measured: the robot answers on none of the ports that were asked")
+    return Check(
+        "delay",
+        round_trip_s <= period_s,
+        f"{1000 * round_trip_s:.1f} ms to the robot and back, {1000 * period_s:g} ms are a control period",
+        "a cable instead of a wireless network, `dxb run` nearer to the robot, or a task with a lower `control_hz`",
+    )
 
 
 def _joints(cell: RosCell, robot: RobotModel) -> Iterator[Check]:

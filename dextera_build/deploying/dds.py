@@ -16,7 +16,7 @@ from contextlib import suppress
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
-from dextera_build.deploying import idl
+from dextera_build.deploying import delay, idl
 from dextera_build.deploying.transport import Endpoint, Quality, Receive, Topic
 from dextera_build.errors import MachineError, install_extra
 from dextera_build.formats.ros import hashes
@@ -63,7 +63,7 @@ class Dds:
     """
 
     def __init__(self, peers: Sequence[str] = (), domain: int = 0) -> None:
-        self._api = _Api()
+        self._api, self._peers = _Api(), tuple(peers) or (LOCAL,)
         # A configuration of the user's own, for another network interface, stays in force.
         settings = os.environ.get("CYCLONEDDS_URI") or config(peers)
         try:
@@ -113,6 +113,12 @@ class Dds:
     def others(self) -> tuple[Endpoint, ...]:
         """Writers and readers of other programs that were discovered so far."""
         return self._api.endpoints(self._participant)
+
+    def round_trip_s(self) -> float | None:
+        """Longest time to a peer and back [s]; None if one does not answer."""
+        times = [delay.round_trip_s(peer) for peer in self._peers]
+        known = [each for each in times if each is not None]
+        return max(known) if len(known) == len(times) else None
 
     def close(self) -> None:
         """End all topics; nothing is received afterwards."""

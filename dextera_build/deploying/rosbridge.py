@@ -17,6 +17,7 @@ from concurrent.futures import TimeoutError as Late
 from contextlib import suppress
 from typing import Any
 
+from dextera_build.deploying import delay
 from dextera_build.deploying.transport import Endpoint, Quality, Receive, Topic
 from dextera_build.errors import MachineError, install_extra
 from dextera_build.formats.ros import plain
@@ -113,6 +114,16 @@ class Rosbridge:
                 others = [node for node in nodes if not node.rpartition("/")[2].startswith(NODE)]
                 every += [Endpoint(name, kind, writes, None) for _ in others]
         return tuple(every)
+
+    def round_trip_s(self) -> float | None:
+        """Time to the server and back [s], the median of some; None if it does not answer."""
+        times = []
+        for _ in range(delay.TIMES):
+            begun = time.perf_counter()
+            with suppress(self._closed_error):
+                if self._link.ping().wait(delay.WAIT_S):
+                    times.append(time.perf_counter() - begun)
+        return sorted(times)[len(times) // 2] if times else None
 
     def close(self) -> None:
         """End all topics; nothing is received afterwards."""

@@ -108,7 +108,7 @@ class SimulatedRobot:
         self._random = np.random.default_rng(simulation.seed)
         self._from, self._to = environment.previous_action.copy(), environment.previous_action.copy()
         self._left, self._span = np.zeros(len(self._names)), np.ones(len(self._names))
-        self._waiting: deque[tuple[int, dict[str, float], float]] = deque()
+        self._waiting: deque[tuple[int, dict[str, float], int]] = deque()
         self._states: deque[tuple[int, bytes]] = deque()
         self._picture = b""
         self._depth: np.ndarray | None = None
@@ -206,13 +206,15 @@ class SimulatedRobot:
             self.heard.unusable.append(str(error))
             return
         self.heard.commands, self.heard.last_ns = self.heard.commands + 1, arrived
-        if stamp and stamp + round(reach_s * SECOND) < self._clock():
+        due = (stamp or self._clock()) + round(reach_s * SECOND)
+        if stamp and due < self._clock():
             self.heard.expired += 1
             return
         self.heard.after_stop += bool(self.heard.status) and self.heard.status[-1].startswith(robot_run.STOPPED)
         if self._moving_since < 0:
             self._moving_since = self._ticks
-        self._waiting.append((arrived + round(self._simulation.delay_s * SECOND), targets, reach_s))
+        delay = round(self._simulation.delay_s * SECOND)
+        self._waiting.append((arrived + delay, targets, due + delay))
 
     def _told(self, message: bytes, arrived: int) -> None:
         self.heard.status.append(hashes.read(STATUS.kind, message).data)
@@ -221,10 +223,10 @@ class SimulatedRobot:
         """Take the commands whose delay is over; a joint moves linearly from where its target is."""
         now = self._transport.clock()
         while self._waiting and self._waiting[0][0] <= now:
-            _, targets, reach_s = self._waiting.popleft()
+            _, targets, due = self._waiting.popleft()
             rows = [self._names.index(name) for name in targets]
             self._from[rows], self._to[rows] = self._placed_now()[rows], list(targets.values())
-            ticks = max(1.0, reach_s * STATE_HZ)
+            ticks = max(1.0, (due - self._clock()) / SECOND * STATE_HZ)
             self._left[rows], self._span[rows] = ticks, ticks
 
     def _placed_now(self) -> np.ndarray:

@@ -87,6 +87,10 @@ class Transport(Protocol):
         """Writers and readers of other programs that were discovered so far."""
         ...
 
+    def round_trip_s(self) -> float | None:
+        """Time of a message to the robot and back [s]; None: it cannot be measured. It may take seconds."""
+        ...
+
     def close(self) -> None:
         """End all topics; nothing is received afterwards."""
         ...

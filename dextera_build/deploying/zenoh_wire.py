@@ -15,6 +15,7 @@ import threading
 import time
 from typing import Any
 
+from dextera_build.deploying import delay
 from dextera_build.deploying.idl import dds_name, ros_name
 from dextera_build.deploying.transport import Endpoint, Quality, Receive, Topic
 from dextera_build.errors import MachineError, install_extra
@@ -43,6 +44,7 @@ class Zenoh:
     def __init__(self, address: str, domain: int = 0, *, routes: bool = False) -> None:
         self._zenoh, self._ext = _modules()
         endpoint = f"tcp/{address}" if address.rpartition(":")[2].isdigit() else f"tcp/{address}:{PORT}"
+        self._endpoint = endpoint
         try:
             self._session = self._zenoh.open(_config(self._zenoh, endpoint, routes))
         except self._zenoh.ZError as error:
@@ -104,6 +106,11 @@ class Zenoh:
         """Writers and readers of other programs that were discovered so far."""
         with self._lock:
             return tuple(self._others.values())
+
+    def round_trip_s(self) -> float | None:
+        """Time to the router and back [s]; None if it does not answer."""
+        host, _, port = self._endpoint.removeprefix("tcp/").rpartition(":")
+        return delay.round_trip_s(host, (int(port),))
 
     def close(self) -> None:
         """End all topics; nothing is received afterwards."""

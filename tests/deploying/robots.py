@@ -216,6 +216,7 @@ class Rig:
         """Let time pass, for the robot too."""
         for _ in range(max(1, round(seconds * 1e9) // TICK_NS)):
             self.time += TICK_NS
+            self.bus.deliver()
             self.robot.tick()
 
     def drive(self, policy: Acting, limit_s: float = 2.0, halt: threading.Event | None = None) -> Drive:

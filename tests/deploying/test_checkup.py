@@ -76,6 +76,16 @@ def test_another_program_that_commands_is_found() -> None:
     assert all(each.ok for each in recorded)
 
 
+@pytest.mark.parametrize(("delay_s", "ok"), [(0.01, True), (0.03, False)])
+def test_a_delay_of_more_than_a_control_period_is_found(delay_s: float, ok: bool) -> None:
+    rig = Rig()
+    rig.bus.delay_s = delay_s
+    found = failed(rig)
+    assert list(found) == ([] if ok else ["delay"])
+    if not ok:
+        assert found["delay"].found == "60.0 ms to the robot and back, 50 ms are a control period"
+
+
 def test_a_controller_of_another_type_is_found() -> None:
     there = RosNames(controllers=(Controller(topic="/go", kind="forward"),))
     here = RosNames(controllers=(Controller(topic="/go"),))

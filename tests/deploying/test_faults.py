@@ -225,3 +225,38 @@ def test_a_command_that_comes_when_its_time_is_over_is_refused() -> None:
     rig.sleep(0.5)
     publish(rig.cell._topics.controllers[0].topic, late[0])
     assert (rig.robot.heard.commands, rig.robot.heard.expired) == (2, 1)
+
+
+@pytest.mark.parametrize("delay_s", [0.01, 0.03, 0.06])
+def test_a_delay_that_was_measured_is_no_reason_to_refuse_commands(delay_s: float) -> None:
+    rig = Rig(needed=())
+    rig.bus.delay_s = delay_s
+    rig.sleep(0.3)
+    assert rig.cell.probe() == pytest.approx(2 * delay_s)
+    ran = rig.drive(Line(TARGETS), limit_s=3.0)
+    rig.sleep(0.3)
+    assert (ran.faulty, ran.steps) == (False, 60), ran.reason
+    assert (rig.robot.heard.commands, rig.robot.heard.expired) == (60, 0)
+    assert rig.robot.environment.measure().joints == pytest.approx(TARGETS, abs=3e-3)
+
+
+def test_a_robot_that_refuses_all_commands_is_told_to_not_follow() -> None:
+    rig = Rig(needed=())
+    rig.bus.delay_s = 0.03
+    rig.sleep(0.3)
+    ran = rig.drive(Line(TARGETS), limit_s=10.0)
+    rig.sleep(0.1)
+    assert ran.reason.startswith("the guard stopped the robot: the robot does not follow: z did not move in 1 s")
+    assert rig.robot.heard.expired == rig.robot.heard.commands == ran.steps < 60
+    held(rig)
+
+
+def test_an_arm_that_is_blocked_is_told_once_its_targets_are_far_beyond() -> None:
+    rig = Rig(needed=())
+    told = rig.robot._joints.state
+    stops = np.array([0.08, np.inf, np.inf, np.inf, np.inf])
+    rig.robot._joints.state = lambda stamp, places: told(stamp, np.minimum(places, stops))  # type: ignore[method-assign]
+    near = rig.drive(Line(np.array([0.2, -0.05, 0.05, 0.04, 0.04])), limit_s=6.0)
+    assert not near.faulty, near.reason
+    far = rig.drive(Line(np.array([0.4, -0.05, 0.05, 0.04, 0.04])), limit_s=6.0)
+    assert "the robot does not follow: x did not move in 1 s" in far.reason

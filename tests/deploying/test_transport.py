@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.deploying import loopback
+from dextera_build.deploying import delay, loopback
 from dextera_build.deploying.topics import STATUS
 from dextera_build.deploying.transport import SENSOR, Endpoint, Quality, Topic, Transport
 from dextera_build.errors import MachineError
@@ -84,6 +84,22 @@ def test_a_large_picture_costs_a_copy(both: tuple[Transport, Transport]) -> None
     assert got[0][: len(picture)] == picture
     # Packed value by value it would take 100 ms; the threads of DDS count, too.
     assert time.process_time() - began < 1.0
+
+
+def test_the_time_to_the_other_program_and_back_is_measured(both: tuple[Transport, Transport]) -> None:
+    measured = both[1].round_trip_s()
+    assert measured is not None
+    assert 0.0 <= measured < 0.5
+
+
+def test_a_machine_that_answers_on_no_port_has_no_known_delay(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+    monkeypatch.setattr(delay, "answered_s", lambda address, port: asked.append(port))
+    assert delay.round_trip_s("127.0.0.1") is None
+    assert asked == list(delay.PORTS)
+    answers = iter([0.4, 0.03, 0.02, None, 0.01, 0.02])
+    monkeypatch.setattr(delay, "answered_s", lambda address, port: next(answers))
+    assert delay.round_trip_s("127.0.0.1") == 0.02
 
 
 def test_others_are_discovered_with_type_hash_and_quality(both: tuple[Transport, Transport]) -> None:
