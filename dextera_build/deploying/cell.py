@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -23,7 +23,7 @@ from dextera_build.deploying.commanders import Commanders
 from dextera_build.deploying.encoders import Encoders
 from dextera_build.deploying.frozen import Frozen
 from dextera_build.deploying.stream import Sample, Stream
-from dextera_build.deploying.topics import SIMULATED, STATUS, Topics
+from dextera_build.deploying.topics import SIMULATED, STATUS, Commanded, Topics
 from dextera_build.deploying.transport import Topic, Transport
 from dextera_build.errors import listing
 from dextera_build.formats.ros import images, messages
@@ -41,6 +41,8 @@ SAME = 1e-9
 """Difference of a target from the requested one that is rounding [rad or m]."""
 GUARDED = Limits(speed=0.5, silence_s=0.5)
 """Limits of the guard on a robot."""
+OFFERED_S = 0.3
+"""Time in which controllers learn of the topics on which they are commanded [s]."""
 STEP_S = 0.01
 """Time between two looks for the first measurements [s]."""
 
@@ -101,6 +103,8 @@ class RosCell:
         """Whether all objects were measured at the beginning, so that success can be judged."""
         rate = bundle.task.control_hz
         self._period, self.rate_hz = round(SECOND / rate), rate
+        # Those without a stamp would be carried out whenever they arrive.
+        self._controllers = [_lasting(each, 1.0 / rate) for each in topics.controllers]
         self._encoders = Encoders(bundle.robot)
         self._guard = Guard(safety.limits, bundle.robot, rate, self.mirror.palms, safety.ramp_s)
         self.previous_action = np.zeros(len(bundle.robot.joints))
@@ -131,6 +135,12 @@ class RosCell:
         """
         self.round_trip_s = self._transport.round_trip_s()
         return self.round_trip_s
+
+    def offer(self) -> None:
+        """Announce the commands, so that the controllers get the first one."""
+        for each in self._controllers:
+            self._transport.offer(each.topic)
+        self._sleep(OFFERED_S)
 
     def begin(self, limit_s: float = 10.0) -> Measurement:
         """Wait for the first measurements, and begin with the robot where it is.
@@ -209,7 +219,7 @@ class RosCell:
         # The offset contains the delay to here, and the delay to there is still to come.
         stamp = now - round(self.state.offset_s * SECOND)
         reach = self._period + round((self.round_trip_s or 0.0) * SECOND)
-        for controller in self._topics.controllers:
+        for controller in self._controllers:
             command = self._joints.command(stamp, controller, sent, reach)
             self._commanders.sends(controller, command)
             self._transport.publish(controller.topic, command)
@@ -361,6 +371,12 @@ class RosCell:
                 self._rays = cameras.rays(depth.shape[0], depth.shape[1], self._camera.matrix()).astype(np.float32)
             cloud = depth[..., None] * self._rays
         return Frame(rgb, depth, cloud)
+
+
+def _lasting(controller: Commanded, lifespan_s: float) -> Commanded:
+    """A controller whose commands are not sent again after some time."""
+    topic = controller.topic
+    return replace(controller, topic=replace(topic, quality=replace(topic.quality, lifespan_s=lifespan_s)))
 
 
 def _whole(message: Any) -> Any:

@@ -88,12 +88,15 @@ class Dds:
         self._thread = threading.Thread(target=self._listen, name="dds", daemon=True)
         self._thread.start()
 
+    def offer(self, topic: Topic) -> None:
+        """Announce a topic that will be published."""
+        with self._lock:
+            self._writer(topic)
+
     def publish(self, topic: Topic, message: bytes) -> None:
         """Publish a message (CDR with its encapsulation)."""
         with self._lock:
-            if topic.name not in self._writers:
-                self._writers[topic.name] = self._api.writer(self._participant, self._topic(topic), topic)
-            self._writers[topic.name].write(idl.value(topic.kind, message))
+            self._writer(topic).write(idl.value(topic.kind, message))
 
     def subscribe(self, topic: Topic, receive: Receive) -> None:
         """Pass every message of a topic to `receive`, in the thread of this transport."""
@@ -133,6 +136,12 @@ class Dds:
             self._writers.clear()
             self._topics.clear()
             self._wakes = self._participant = None
+
+    def _writer(self, topic: Topic) -> Any:
+        """The writer of a topic."""
+        if topic.name not in self._writers:
+            self._writers[topic.name] = self._api.writer(self._participant, self._topic(topic), topic)
+        return self._writers[topic.name]
 
     def _topic(self, topic: Topic) -> Any:
         """The topic of DDS, one for writers and readers."""
@@ -211,7 +220,9 @@ class _Api:
     def _quality(self, topic: Topic) -> Any:
         policy, quality = self._policy, topic.quality
         second = 1_000_000_000
+        lasts = () if quality.lifespan_s is None else (policy.Lifespan(round(quality.lifespan_s * second)),)
         return self._qos(
+            *lasts,
             policy.Reliability.Reliable(second // 10) if quality.reliable else policy.Reliability.BestEffort,
             policy.Durability.TransientLocal if quality.keeps else policy.Durability.Volatile,
             policy.History.KeepLast(quality.depth),

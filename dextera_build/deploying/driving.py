@@ -114,6 +114,7 @@ def drive(
     try:
         # The first answer may take seconds, in which libraries are loaded; it is not carried out.
         policy.reset()
+        cell.offer()
         policy.act(deployable(cell.begin(), cell.previous_action, goal, added))
         policy.reset()
         measured = cell.begin()

@@ -45,9 +45,13 @@ class Loopback:
         self._last: dict[str, bytes] = {}
         bus.members.append(self)
 
+    def offer(self, topic: Topic) -> None:
+        """Show a topic to the others."""
+        self._writers[topic.name] = topic
+
     def publish(self, topic: Topic, message: bytes) -> None:
         """Pass a message to all other programs that read the topic with a matching quality."""
-        self._writers[topic.name] = topic
+        self.offer(topic)
         if topic.quality.keeps:
             self._last[topic.name] = message
         for member in [each for each in self._bus.members if each is not self]:

@@ -69,12 +69,15 @@ class Zenoh:
             self._session.liveliness().declare_subscriber(f"@ros2_lv/{domain}/**", self._seen, history=True)
         )
 
+    def offer(self, topic: Topic) -> None:
+        """Announce a topic that will be published."""
+        with self._lock:
+            self._offered(topic)
+
     def publish(self, topic: Topic, message: bytes) -> None:
         """Publish a message (CDR with its encapsulation)."""
         with self._lock:
-            if topic.name not in self._writers:
-                self._writers[topic.name] = self._writer(topic)
-            self._writers[topic.name].put(message)
+            self._offered(topic).put(message)
 
     def subscribe(self, topic: Topic, receive: Receive) -> None:
         """Pass every message of a topic to `receive`, in a thread of Zenoh."""
@@ -122,6 +125,11 @@ class Zenoh:
 
     def _key(self, topic: Topic) -> str:
         return f"{self._domain}/{topic.name.strip('/')}/{dds_name(topic.kind)}"
+
+    def _offered(self, topic: Topic) -> _Writer:
+        if topic.name not in self._writers:
+            self._writers[topic.name] = self._writer(topic)
+        return self._writers[topic.name]
 
     def _writer(self, topic: Topic) -> _Writer:
         quality, zenoh = topic.quality, self._zenoh

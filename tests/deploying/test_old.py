@@ -107,4 +107,4 @@ def test_the_last_picture_of_a_camera_that_died_is_no_picture_of_what_came_later
     assert len(run.sent) > 55
     with pytest.raises(RuleError, match=r"the camera of `demo\.mcap` gave no picture for 0\.5\d s") as caught:
         list(pictures)
-    assert caught.value.facts["after"] == "0.38 s of the run"
+    assert caught.value.facts["after"] == "0.43 s of the run"
