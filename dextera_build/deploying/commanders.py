@@ -49,7 +49,6 @@ class Commanders:
     def _read(self, controller: Commanded, message: bytes) -> object:
         """What a command says, whatever the transport did to its bytes; the bytes of one that says nothing."""
         try:
-            targets, reach_s, stamp = self._joints.commanded(controller, message)
+            return self._joints.commanded(controller, message)
         except wire.UnusableError:
             return message
-        return tuple(targets.items()), reach_s, stamp

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from dextera_build.deploying.plans import Command
 from dextera_build.deploying.topics import COMMAND_KINDS, Commanded, Topics
 from dextera_build.errors import listing
 from dextera_build.formats.ros import hashes, messages
@@ -76,28 +77,32 @@ class Joints:
             return messages.numbers(names, values)
         return messages.joint_trajectory(stamp, names, values, reach)
 
-    def commanded(self, controller: Commanded, message: bytes) -> tuple[dict[str, float], float, int]:
-        """Joint of the model -> target [rad or m]; the time until it is reached [s]; the stamp [ns], 0 without one.
+    def commanded(self, controller: Commanded, message: bytes) -> Command:
+        """The command of a controller, for the joints of the model.
 
         Raises:
-            UnusableError: The message is damaged, or its joints are not those of the controller.
+            UnusableError: The message is damaged, or its controller refuses it.
         """
         read = unpacked(controller.topic.kind, message)
         named = {self._named[self._joints.index(joint)]: joint for joint in controller.joints}
         if controller.topic.kind == COMMAND_KINDS["forward"]:
-            names, values, reach, stamp = list(named), read.data, 0.0, 0
+            names, places, reach, stamp = list(named), [read.data], [0.0], 0
         else:
-            point = read.points[-1]
-            names, values = read.joint_names, point.positions
-            reach = float(point.time_from_start.sec + point.time_from_start.nanosec / SECOND)
-            stamp = stamp_of(read.header)
-        if len(values) != len(named):
-            raise UnusableError(f"its number of targets is {len(values)}, that of the controller's joints {len(named)}")
-        if sorted(names) != sorted(named):
+            names, places, stamp = read.joint_names, [point.positions for point in read.points], stamp_of(read.header)
+            reach = [float(each.time_from_start.sec + each.time_from_start.nanosec / SECOND) for each in read.points]
+        if places and sorted(names) != sorted(named):
             raise UnusableError(f"its joints are {listing(names)}, those of the controller {listing(named)}")
-        places = dict(zip(names, values, strict=True))
+        for each in places:
+            if len(each) != len(named):
+                raise UnusableError(
+                    f"its number of targets is {len(each)}, that of the controller's joints {len(named)}"
+                )
+        if not np.isfinite(np.array(places)).all() or (np.diff(reach) <= 0).any():
+            raise UnusableError("its targets are not finite, or its times do not increase")
         signs = dict(zip(self._joints, self._sign, strict=True))
-        return {joint: float(places[name] * signs[joint]) for name, joint in named.items()}, reach, stamp
+        rows = [dict(zip(names, each, strict=True)) for each in places]
+        targets = tuple(tuple(float(row[name] * signs[joint]) for name, joint in named.items()) for row in rows)
+        return Command(tuple(named.values()), stamp, tuple(reach), targets)
 
 
 def poses(stamp: int, base: str, placed: Mapping[str, np.ndarray]) -> bytes:
