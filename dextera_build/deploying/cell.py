@@ -235,6 +235,11 @@ class RosCell:
         self._say(stopped.message)
         return stopped
 
+    def outside(self) -> str:
+        """Which palm is not in the workspace now; empty if all are."""
+        last = self.state.last
+        return "" if last is None else self._guard.outside(np.array(last.value))
+
     def tell(self, words: str) -> None:
         """Publish what the run does, for the robot and its operators."""
         message = messages.text(words)

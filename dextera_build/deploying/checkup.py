@@ -12,6 +12,7 @@ from dextera_build.deploying.cell import RosCell, Sleep
 from dextera_build.deploying.stream import Stream
 from dextera_build.deploying.topics import Topics
 from dextera_build.deploying.transport import Endpoint, Quality, Topic, Transport
+from dextera_build.errors import listing
 from dextera_build.formats.ros import hashes
 
 LEAST_STATES = 2.5
@@ -75,6 +76,7 @@ def checkup(
         check for controller in topics.controllers for check in _matched(controller.topic, others, fits, CONTROLLER)
     ]
     found += [_alone(controller.topic, others) for controller in topics.controllers if commands]
+    found += _limits(cell) if commands else []
     silence_s, now = cell.safety.limits.silence_s, transport.clock()
     found += [check for stream in cell.needed_streams() for check in _arrives(stream, stream.silent_s(now), silence_s)]
     found += _clock(cell)
@@ -151,6 +153,19 @@ def _alone(topic: Topic, others: tuple[Endpoint, ...]) -> Check:
         f"{writers} other writer" + ("" if writers == 1 else "s"),
         f"end the program that commands it, which `ros2 topic info --verbose {topic.name}` names",
     )
+
+
+def _limits(cell: RosCell) -> Iterator[Check]:
+    """Whether the limits of the cell can be kept."""
+    limits = cell.safety.limits
+    if limits.force_n is not None:
+        told = f"{limits.force_n:g} N cannot be kept, because forces on fingertips are not measured"
+        yield Check("limit of force", False, told, "leave `force_n` out of the `limits` of the cell that is given")
+    if limits.workspace_m is not None:
+        low, high = (listing(f"{each:g}" for each in corner) for corner in limits.workspace_m)
+        outside = cell.outside()
+        told = outside or f"from {low} to {high} m"
+        yield Check("workspace", not outside, told, "move the robot into it, or correct `workspace_m` of `limits`")
 
 
 def _fits(topic: Topic, other: Endpoint) -> Iterator[Check]:

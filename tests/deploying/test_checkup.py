@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import argparse
+
 import numpy as np
 import pytest
 
 pytest.importorskip("rosbags", reason="needs rosbags (extra `ros`)")
 
+from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.artifacts.robots.ros_names import Controller, RosNames
+from dextera_build.cli import built
+from dextera_build.cli.robot import run
 from dextera_build.deploying import topics as tables
+from dextera_build.deploying.cell import GUARDED, Safety
 from dextera_build.deploying.checkup import Check, checkup
 from dextera_build.deploying.loopback import Loopback
 from dextera_build.deploying.simulated import Simulation
@@ -84,6 +90,24 @@ def test_a_delay_of_more_than_a_control_period_is_found(delay_s: float, ok: bool
     assert list(found) == ([] if ok else ["delay"])
     if not ok:
         assert found["delay"].found == "60.0 ms to the robot and back, 50 ms are a control period"
+
+
+def test_a_run_keeps_the_limits_of_its_cell(monkeypatch: pytest.MonkeyPatch) -> None:
+    cell = Limits(speed=0.2, workspace_m=((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)))
+    monkeypatch.setattr(built, "artifact", lambda args, name, kind: argparse.Namespace(limits=cell))
+    args = argparse.Namespace(speed=0.5, ramp=1.0, cell="task/close_laptop:cell")
+    assert run._safety(args) == Safety(cell.model_copy(update={"silence_s": 0.5}), ramp_s=1.0)
+    assert run._safety(argparse.Namespace(speed=0.3, ramp=1.0, cell=None)).limits.speed == 0.3
+
+
+def test_limits_that_cannot_be_kept_are_found() -> None:
+    inside = GUARDED.stricter(Limits(workspace_m=((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))))
+    assert failed(Rig(safety=Safety(inside))) == {}
+    outside = Limits(workspace_m=((0.2, -1.0, -1.0), (2.0, 1.0, 1.0)), force_n=20.0)
+    found = failed(Rig(safety=Safety(GUARDED.stricter(outside))))
+    assert list(found) == ["limit of force", "workspace"]
+    assert found["limit of force"].found.startswith("20 N cannot be kept")
+    assert "x is not within 0.2 to 2 m" in found["workspace"].found
 
 
 def test_a_controller_of_another_type_is_found() -> None:

@@ -10,7 +10,9 @@ import pytest
 
 pytest.importorskip("rosbags", reason="needs rosbags (extra `ros`)")
 
+from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.artifacts.robots.ros_names import Controller, RosNames
+from dextera_build.deploying.cell import GUARDED, Safety
 from dextera_build.deploying.faults import FAULTS, Fault, FaultKind
 from dextera_build.deploying.loopback import Loopback
 from dextera_build.deploying.simulated import Simulation
@@ -134,6 +136,14 @@ def test_another_program_that_commands_the_robot_stops_the_run(kind: Literal["tr
 
     ran = rig.drive(Line(TARGETS, after=10, then=commanded))
     assert (ran.reason, ran.steps) == ("the guard stopped the robot: another program commands /go, too", 10)
+    held(rig)
+
+
+def test_a_palm_that_would_leave_the_workspace_stops_the_run() -> None:
+    rig = Rig(safety=Safety(GUARDED.stricter(Limits(workspace_m=((-1.0, -1.0, -1.0), (0.08, 1.0, 1.0))))))
+    ran = rig.drive(Line(np.array([0.3, 0.0, 0.05, 0.04, 0.04])), limit_s=5.0)
+    assert "the palm of `arm` would leave the workspace: x is not within -1 to 0.08 m" in ran.reason
+    assert rig.robot.environment.measure().joints[0] < 0.081
     held(rig)
 
 

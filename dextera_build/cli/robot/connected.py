@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from dextera_build.cli import built, options, table
 
 if TYPE_CHECKING:
+    from dextera_build.artifacts.robots.cell import Limits
     from dextera_build.artifacts.tasks.task import TaskBundle, View
     from dextera_build.deploying.bag import Bag
     from dextera_build.deploying.cell import RosCell
@@ -79,6 +80,13 @@ def opened(args: argparse.Namespace) -> Connected:
     names = built.artifact(args, args.names, RosNames) if args.names else RosNames()
     view = built.artifact(args, args.view, View) if args.view else None
     return Connected(session, bundle, topics.of_robot(bundle.robot, names, (args.camera,) if view else ()), view)
+
+
+def kept(args: argparse.Namespace, limits: Limits) -> Limits:
+    """Limits with those of the cell that the arguments state, whichever are stricter."""
+    from dextera_build.artifacts.robots.cell import Cell
+
+    return limits.stricter(built.artifact(args, args.cell, Cell).limits) if args.cell else limits
 
 
 def watched(args: argparse.Namespace, here: Connected) -> Topics:

@@ -48,15 +48,16 @@ def run(args: argparse.Namespace) -> int:
 
 def _doctor(args: argparse.Namespace) -> int:
     """Print each check with what mends it; exit with 1 if one failed."""
-    from dextera_build.deploying.cell import RosCell
+    from dextera_build.deploying.cell import GUARDED, RosCell, Safety
     from dextera_build.deploying.checkup import checkup
 
     here = connected.opened(args)
     needed = [*(("rgb",) if here.view else ()), *(record.NEEDED if args.cell else ())]
+    safety = Safety(limits=connected.kept(args, GUARDED))
     with beside.tracker(args):
         transport = connected.transport(args, (args.robot,))
         try:
-            cell = RosCell(transport, here.topics, here.bundle, needed)
+            cell = RosCell(transport, here.topics, here.bundle, needed, safety)
             checks = checkup(transport, here.topics, cell, here.bundle.robot, time.sleep, args.listen)
         finally:
             transport.close()

@@ -82,10 +82,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _safety(args: argparse.Namespace) -> Safety:
-    """The limits that the arguments state."""
+    """The limits that the arguments and the cell state."""
     from dextera_build.deploying.cell import GUARDED, Safety
 
-    return Safety(limits=GUARDED.model_copy(update={"speed": args.speed}), ramp_s=args.ramp)
+    limits = GUARDED.model_copy(update={"speed": args.speed})
+    return Safety(limits=connected.kept(args, limits), ramp_s=args.ramp)
 
 
 def _driven(
