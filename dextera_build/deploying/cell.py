@@ -22,6 +22,7 @@ from dextera_build.deploying.bag import INTERVENTIONS, Bag
 from dextera_build.deploying.commanders import Commanders
 from dextera_build.deploying.encoders import Encoders
 from dextera_build.deploying.frozen import Frozen
+from dextera_build.deploying.merged import Merged
 from dextera_build.deploying.stream import Sample, Stream
 from dextera_build.deploying.topics import SIMULATED, STATUS, Commanded, Topics
 from dextera_build.deploying.transport import Topic, Transport
@@ -95,6 +96,8 @@ class RosCell:
         self.safety = safety
         self._rows = {name: row for row, name in enumerate(bundle.objects)}
         self._joints = wire.Joints([joint.name for joint in bundle.robot.joints], topics)
+        self.merged = Merged(self._joints)
+        """Positions of joints from all drivers."""
         self._inner = wire.Joints(bundle.displacement_names, topics)
         self._commanders = Commanders(transport, topics, self._joints)
         self.mirror = MeasuredState(bundle)
@@ -151,7 +154,8 @@ class RosCell:
         end = self._transport.clock() + round(limit_s * SECOND)
         while silent := [each.name for each in self.needed_streams() if each.last is None and not each.fault]:
             if self._transport.clock() > end:
-                raise self._guard.stop(f"nothing arrived on {listing(silent)} in {limit_s:g} s")
+                lacks = f"; the joint states are not whole: {self.merged.lacks}" if self.merged.lacks else ""
+                raise self._guard.stop(f"nothing arrived on {listing(silent)} in {limit_s:g} s{lacks}")
             self._sleep(STEP_S)
         self._check()
         last = self.state.last
@@ -260,7 +264,8 @@ class RosCell:
 
     def _listen(self) -> None:
         topics, subscribe = self._topics, self._transport.subscribe
-        subscribe(topics.joints, partial(self._heard, topics.joints, self.state, self._joints.positions))
+        for topic in topics.states:
+            subscribe(topic, partial(self._joined, topic))
         subscribe(
             topics.displacement, partial(self._heard, topics.displacement, self.displacement, self._inner.positions)
         )
@@ -287,6 +292,10 @@ class RosCell:
             stream.broken(str(error))
             return None
         return sample.value
+
+    def _joined(self, topic: Topic, message: bytes, arrived: int) -> None:
+        self._record(topic, message, arrived)
+        self.merged.read(topic.kind, message, arrived, self.state)
 
     def _placed(self, message: bytes, arrived: int) -> None:
         self._record(self._topics.objects, message, arrived)
@@ -316,7 +325,7 @@ class RosCell:
         why = why or self._commanders.fault or (self._bag.fault if self._bag is not None else "")
         most = self.safety.periods / self.rate_hz
         if not why and self.state.silent_s(now) > most:
-            why = f"no joint states arrived for more than {most:g} s"
+            why = f"no joint states{self.merged.silent(now - round(most * SECOND))} arrived for more than {most:g} s"
         if not why and (late_s := self.state.late_s()) > self.safety.late_s:
             why = f"joint states arrive {late_s:.2f} s late, more than {self.safety.late_s:g} s"
         why = why or next(filter(None, (self._old(each, now) for each in self.needed_streams()[1:])), "")

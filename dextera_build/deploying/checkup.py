@@ -27,6 +27,11 @@ OUTSIDE_RAD = 0.02
 
 UNHEARD = "allow UDP ports 7400 to 7500 in both firewalls; compare ROS_DOMAIN_ID and `--domain`"
 """What mends a silent topic."""
+UNNAMED = (
+    "correct `joints` of the robot's `simulate.ros_names`; if another driver publishes the missing ones, start it, or"
+    " add its topic to `joint_states`"
+)
+"""What mends joint states that lack a joint."""
 UNSEEN = "is `{}` in the picture, and is a tracker running? `--cell` starts one, which says what it does not find"
 """What mends an object without a pose."""
 
@@ -68,7 +73,7 @@ def checkup(
     """
     sleep(listen_s)
     others, fits = transport.others(), transport.fits
-    needed = {stream.topic for stream in cell.needed_streams()}
+    needed = {stream.topic for stream in cell.needed_streams()} | {each.name for each in topics.more_joints}
     found = [
         check for topic in topics.measured() if topic.name in needed for check in _matched(topic, others, fits, DRIVER)
     ]
@@ -78,7 +83,7 @@ def checkup(
     found += [_alone(controller.topic, others) for controller in topics.controllers if commands]
     found += _limits(cell) if commands else []
     silence_s, now = cell.safety.limits.silence_s, transport.clock()
-    found += [check for stream in cell.needed_streams() for check in _arrives(stream, stream.silent_s(now), silence_s)]
+    found += [check for each in cell.needed_streams() for check in _arrives(each, each.silent_s(now), silence_s, cell)]
     found += _clock(cell)
     found += _joints(cell, robot)
     return tuple(found)
@@ -180,11 +185,11 @@ def _fits(topic: Topic, other: Endpoint) -> Iterator[Check]:
         yield Check(f"{topic.name} type hash", other.type_hash in ("", own), told, mend)
 
 
-def _arrives(stream: Stream, silent_s: float, most_s: float) -> Iterator[Check]:
+def _arrives(stream: Stream, silent_s: float, most_s: float, cell: RosCell) -> Iterator[Check]:
     """Whether usable messages arrive, and are still arriving."""
-    if stream.fault:
-        mend = "correct `joints` of the robot's `simulate.ros_names`" if "lacks" in stream.fault else "see the driver"
-        yield Check(f"{stream.name} arrives", False, stream.fault, mend)
+    fault = stream.fault or (cell.merged.lacks if stream is cell.state else "")
+    if fault:
+        yield Check(f"{stream.name} arrives", False, fault, UNNAMED if "lacks" in fault else "see the driver")
     elif silent_s > most_s:
         found = "no message" if stream.last is None else f"no message for {silent_s:.1f} s"
         yield Check(f"{stream.name} arrives", False, found, UNSEEN.format(stream.of) if stream.of else UNHEARD)

@@ -155,7 +155,9 @@ class SimulatedRobot:
             held = round(LATE_S * STATE_HZ) if self._faulty("joint_states_late") else 0
             self._states.append((self._ticks + held, self._state(stamp)))
         while self._states and self._states[0][0] <= self._ticks:
-            self._transport.publish(offered(self._topics.joints), self._states.popleft()[1])
+            state = self._states.popleft()[1]
+            for topic in self._topics.states:
+                self._transport.publish(offered(topic), state)
 
     def _state(self, stamp: int) -> bytes:
         positions = self.environment.measure().joints

@@ -49,21 +49,36 @@ class Joints:
         self._named = tuple(names.joints.get(joint, joint) for joint in joints)
         self._sign = np.array([-1.0 if joint in names.flipped else 1.0 for joint in joints])
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The joints as messages name them (A)."""
+        return self._named
+
+    def found(self, state: Any) -> dict[str, float]:
+        """Joint, as messages name it -> its position [rad or m], of those in an unpacked joint state.
+
+        Raises:
+            UnusableError: A position is not a finite number.
+        """
+        given = dict(zip(state.name, state.position, strict=False))
+        places = {name: float(given[name]) for name in self._named if name in given}
+        bad = [name for name, place in places.items() if not np.isfinite(place)]
+        if bad:
+            raise UnusableError(f"the position of {listing(bad)} is not a finite number")
+        signs = dict(zip(self._named, self._sign, strict=True))
+        return {name: place * float(signs[name]) for name, place in places.items()}
+
     def positions(self, state: Any) -> np.ndarray:
         """Positions (A,) [rad or m] in an unpacked joint state.
 
         Raises:
             UnusableError: A joint is missing, or its position is not a finite number.
         """
-        found = dict(zip(state.name, state.position, strict=False))
+        found = self.found(state)
         missing = [name for name in self._named if name not in found]
         if missing:
             raise UnusableError(f"it lacks {listing(missing)}; it has {listing(state.name, most=40) or 'no joint'}")
-        positions = np.array([found[name] for name in self._named], np.float64)
-        bad = [name for name, value in zip(self._named, positions, strict=True) if not np.isfinite(value)]
-        if bad:
-            raise UnusableError(f"the position of {listing(bad)} is not a finite number")
-        return np.asarray(positions * self._sign)
+        return np.array([found[name] for name in self._named], np.float64)
 
     def state(self, stamp: int, positions: np.ndarray) -> bytes:
         """A joint state of positions (A,) [rad or m]."""
