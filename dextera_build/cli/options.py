@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 from dextera_build.errors import UsageError
@@ -63,6 +63,25 @@ def request_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--backend", metavar="RULE=NAME", action="append", default=[], dest="backends", help="choose a rule's backend"
     )
+
+
+def number(flag: str, least: float, most: float, *, above: bool = False) -> Callable[[str], float]:
+    """What reads the value of a flag, a number from `least` to `most`, or with `above` only above `least`."""
+
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if not least <= value <= most or (above and value == least):
+            start = f"above {least:g}" if above else f"from {least:g}"
+            limits = start if most == float("inf") else f"{start} to {most:g}"
+            raise UsageError(
+                f"`{flag} {text}` is no number {limits}", code="DXB-U347", hint=f"without `{flag}`, its default applies"
+            )
+        return value
+
+    return read
 
 
 def json_argument(parser: argparse.ArgumentParser) -> None:

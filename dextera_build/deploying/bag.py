@@ -14,7 +14,7 @@ import numpy as np
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.deploying.transport import Topic
 from dextera_build.formats.ros import messages
-from dextera_build.formats.ros.recording import LATCHED, Recording
+from dextera_build.formats.ros.recording import LATCHED, Recording, check_new
 from dextera_build.geometry import poses
 from dextera_build.policy import robot_run
 from dextera_build.sim.observe.shapes import Shapes
@@ -49,13 +49,19 @@ class Bag:
         self._open = True
         self.fault = ""
         """Why nothing more can be written; empty if it can."""
+        self.periods = 0
+        """Number of control periods whose targets it holds."""
         self._shapes: Shapes | None = None
 
     @classmethod
     def create(cls, path: Path) -> Bag:
-        """A recording in a new file."""
-        path.parent.mkdir(parents=True, exist_ok=True)
-        return cls(path.open("wb"))
+        """A recording in a new file.
+
+        Raises:
+            UsageError: There is such a file, or it cannot be written.
+        """
+        check_new(path)
+        return cls(path.open("xb"))
 
     def add(self, topic: Topic, time: int, message: bytes) -> None:
         """Write a message; a failure is noted, because the thread of a transport cannot act on it."""

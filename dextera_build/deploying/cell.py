@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -19,10 +19,12 @@ from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.deploying import periods, wire
 from dextera_build.deploying.bag import INTERVENTIONS, Bag
+from dextera_build.deploying.commanders import Commanders
 from dextera_build.deploying.encoders import Encoders
 from dextera_build.deploying.frozen import Frozen
+from dextera_build.deploying.merged import Merged
 from dextera_build.deploying.stream import Sample, Stream
-from dextera_build.deploying.topics import SIMULATED, STATUS, Topics
+from dextera_build.deploying.topics import SIMULATED, STATUS, Commanded, Topics
 from dextera_build.deploying.transport import Topic, Transport
 from dextera_build.errors import listing
 from dextera_build.formats.ros import images, messages
@@ -40,6 +42,8 @@ SAME = 1e-9
 """Difference of a target from the requested one that is rounding [rad or m]."""
 GUARDED = Limits(speed=0.5, silence_s=0.5)
 """Limits of the guard on a robot."""
+OFFERED_S = 0.3
+"""Time in which controllers learn of the topics on which they are commanded [s]."""
 STEP_S = 0.01
 """Time between two looks for the first measurements [s]."""
 
@@ -92,11 +96,18 @@ class RosCell:
         self.safety = safety
         self._rows = {name: row for row, name in enumerate(bundle.objects)}
         self._joints = wire.Joints([joint.name for joint in bundle.robot.joints], topics)
+        self.merged = Merged(self._joints)
+        """Positions of joints from all drivers."""
         self._inner = wire.Joints(bundle.displacement_names, topics)
+        self._commanders = Commanders(transport, topics, self._joints)
         self.mirror = MeasuredState(bundle)
         """Judges success by what was measured."""
+        self.judges = False
+        """Whether all objects were measured at the beginning, so that success can be judged."""
         rate = bundle.task.control_hz
         self._period, self.rate_hz = round(SECOND / rate), rate
+        # Those without a stamp would be carried out whenever they arrive.
+        self._controllers = [_lasting(each, 1.0 / rate) for each in topics.controllers]
         self._encoders = Encoders(bundle.robot)
         self._guard = Guard(safety.limits, bundle.robot, rate, self.mirror.palms, safety.ramp_s)
         self.previous_action = np.zeros(len(bundle.robot.joints))
@@ -109,6 +120,8 @@ class RosCell:
         self.objects = {name: Stream(topics.objects.name, of=name) for name in bundle.objects}
         self.displacement = Stream(topics.displacement.name)
         self.pictures = {camera: Stream(topic.name, depth=4) for camera, topic in topics.pictures.items()}
+        self.round_trip_s: float | None = None
+        """Time of a message to the robot and back, see `probe` [s]; None: it is not known."""
         self.world = REAL
         """World of the robot: `real`, or the one that a simulated robot states."""
         self._frozen = {camera: Frozen(safety.limits.silence_s) for camera in topics.pictures}
@@ -117,6 +130,20 @@ class RosCell:
         if not bundle.displacement_names:
             self._needed.discard("displacement")
         self._listen()
+
+    def probe(self) -> float | None:
+        """Measure how long a message takes to the robot and back [s], by which commands are due later; None: unknown.
+
+        It may take seconds, in which nothing may be sent.
+        """
+        self.round_trip_s = self._transport.round_trip_s()
+        return self.round_trip_s
+
+    def offer(self) -> None:
+        """Announce the commands, so that the controllers get the first one."""
+        for each in self._controllers:
+            self._transport.offer(each.topic)
+        self._sleep(OFFERED_S)
 
     def begin(self, limit_s: float = 10.0) -> Measurement:
         """Wait for the first measurements, and begin with the robot where it is.
@@ -127,7 +154,8 @@ class RosCell:
         end = self._transport.clock() + round(limit_s * SECOND)
         while silent := [each.name for each in self.needed_streams() if each.last is None and not each.fault]:
             if self._transport.clock() > end:
-                raise self._guard.stop(f"nothing arrived on {listing(silent)} in {limit_s:g} s")
+                lacks = f"; the joint states are not whole: {self.merged.lacks}" if self.merged.lacks else ""
+                raise self._guard.stop(f"nothing arrived on {listing(silent)} in {limit_s:g} s{lacks}")
             self._sleep(STEP_S)
         self._check()
         last = self.state.last
@@ -136,20 +164,22 @@ class RosCell:
         self._guard.begin(self.previous_action)
         self._encoders.begin(self.previous_action)
         measured = self.measure()
+        self.judges = measured.placed
         if self.judges:
             self.mirror.begin(measured)
         return measured
 
-    @property
-    def judges(self) -> bool:
-        """Whether objects are measured, so that success can be judged."""
-        inner = self.displacement.last is not None or not self._bundle.displacement_names
-        return inner and all(each.last is not None for each in self.objects.values())
+    def judge(self, measured: Measurement, time_s: float) -> bool | None:
+        """Whether a measurement, `time_s` after the beginning [s], shows that the task is done.
+
+        None: an object, or a joint of one, is not measured, or was not at the beginning, with which it is compared.
+        """
+        return self.mirror.judge(measured, time_s) if self.judges and measured.placed else None
 
     def measure(self, frames: Frames | None = None) -> Measurement:
         """The newest pictures with the joint state that belongs to them, and the poses of objects measured last.
 
-        Values that were not measured are NaN.
+        Values that were not measured within `silence_s` are NaN.
 
         Raises:
             Stopped: A measurement is missing, too old, or belongs to no other.
@@ -183,17 +213,19 @@ class RosCell:
         now = self._transport.clock()
         if (answer_s := (now - self._measured) / SECOND) > self.safety.answer_s:
             raise self.stop(f"the policy answered after {answer_s:.2f} s, later than {self.safety.answer_s:g} s")
-        seen = [each.silent_s(now) for each in self.needed_streams() if each is not self.state]
         try:
-            sent = self._guard.passed(targets, np.zeros((0, 3)), max(seen, default=0.0))
+            sent = self._guard.passed(targets, np.zeros((0, 3)), 0.0)  # `_check` knows the silence of every topic
         except Stopped as stopped:
             self._say(stopped.message)
             raise
         self._intervened(np.asarray(targets, np.float64), sent, now)
         # By the robot's clock, so that a controller refuses what arrives when its time is over, after a network's gap.
+        # The offset contains the delay to here, and the delay to there is still to come.
         stamp = now - round(self.state.offset_s * SECOND)
-        for controller in self._topics.controllers:
-            command = self._joints.command(stamp, controller, sent, self._period)
+        reach = self._period + round((self.round_trip_s or 0.0) * SECOND)
+        for controller in self._controllers:
+            command = self._joints.command(stamp, controller, sent, reach)
+            self._commanders.sends(controller, command)
             self._transport.publish(controller.topic, command)
             self._record(controller.topic, command, now)
         self.delays_s.append((self._transport.clock() - self._anchor.stamp) / SECOND - self.state.offset_s)
@@ -206,6 +238,11 @@ class RosCell:
         stopped = self._guard.stop(why)
         self._say(stopped.message)
         return stopped
+
+    def outside(self) -> str:
+        """Which palm is not in the workspace now; empty if all are."""
+        last = self.state.last
+        return "" if last is None else self._guard.outside(np.array(last.value))
 
     def tell(self, words: str) -> None:
         """Publish what the run does, for the robot and its operators."""
@@ -227,7 +264,8 @@ class RosCell:
 
     def _listen(self) -> None:
         topics, subscribe = self._topics, self._transport.subscribe
-        subscribe(topics.joints, partial(self._heard, topics.joints, self.state, self._joints.positions))
+        for topic in topics.states:
+            subscribe(topic, partial(self._joined, topic))
         subscribe(
             topics.displacement, partial(self._heard, topics.displacement, self.displacement, self._inner.positions)
         )
@@ -255,6 +293,10 @@ class RosCell:
             return None
         return sample.value
 
+    def _joined(self, topic: Topic, message: bytes, arrived: int) -> None:
+        self._record(topic, message, arrived)
+        self.merged.read(topic.kind, message, arrived, self.state)
+
     def _placed(self, message: bytes, arrived: int) -> None:
         self._record(self._topics.objects, message, arrived)
         try:
@@ -280,14 +322,24 @@ class RosCell:
         """Raise if the measurements or the recording are of no use."""
         now = self._transport.clock()
         why = next((each.fault for each in self.needed_streams() if each.fault), "")
-        why = why or (self._bag.fault if self._bag is not None else "")
+        why = why or self._commanders.fault or (self._bag.fault if self._bag is not None else "")
         most = self.safety.periods / self.rate_hz
         if not why and self.state.silent_s(now) > most:
-            why = f"no joint states arrived for more than {most:g} s"
+            why = f"no joint states{self.merged.silent(now - round(most * SECOND))} arrived for more than {most:g} s"
         if not why and (late_s := self.state.late_s()) > self.safety.late_s:
             why = f"joint states arrive {late_s:.2f} s late, more than {self.safety.late_s:g} s"
+        why = why or next(filter(None, (self._old(each, now) for each in self.needed_streams()[1:])), "")
         if why:
             raise self.stop(why)
+
+    def _old(self, stream: Stream, now: int) -> str:
+        """Why the newest picture or pose must not be used any more; empty if it may be."""
+        most = self.safety.limits.silence_s
+        if stream.silent_s(now) > most:
+            return f"no frame arrived for more than {most:g} s on {stream.name}"
+        if (age_s := stream.age_s(now)) > most:
+            return f"the newest frame on {stream.name} is {age_s:.2f} s old, more than {most:g} s"
+        return ""
 
     def _intervened(self, wanted: np.ndarray, sent: np.ndarray, now: int) -> None:
         """Record the targets, and which of them the guard changed."""
@@ -310,13 +362,18 @@ class RosCell:
     def _poses(self) -> np.ndarray:
         found = np.full((len(self._rows), 7), np.nan)
         for name, stream in self.objects.items():
-            if (last := stream.last) is not None:
+            if (last := self._fresh(stream)) is not None:
                 found[self._rows[name]] = last.value
         return found
 
     def _displacement(self) -> np.ndarray:
-        last = self.displacement.last
+        last = self._fresh(self.displacement)
         return np.full(len(self._bundle.displacement_names), np.nan) if last is None else np.array(last.value)
+
+    def _fresh(self, stream: Stream) -> Sample | None:
+        """The newest measurement of a stream; None if it is too old, or the stream has a fault."""
+        old = bool(stream.fault) or stream.age_s(self._transport.clock()) > self.safety.limits.silence_s
+        return None if old else stream.last
 
     def _frame(self, camera: str, shown: Mapping[tuple[str, str], Sample | None]) -> Frame:
         picture, measured = shown.get(("rgb", camera)), shown.get(("depth", camera))
@@ -328,6 +385,12 @@ class RosCell:
                 self._rays = cameras.rays(depth.shape[0], depth.shape[1], self._camera.matrix()).astype(np.float32)
             cloud = depth[..., None] * self._rays
         return Frame(rgb, depth, cloud)
+
+
+def _lasting(controller: Commanded, lifespan_s: float) -> Commanded:
+    """A controller whose commands are not sent again after some time."""
+    topic = controller.topic
+    return replace(controller, topic=replace(topic, quality=replace(topic.quality, lifespan_s=lifespan_s)))
 
 
 def _whole(message: Any) -> Any:

@@ -12,6 +12,7 @@ from dextera_build.deploying.cell import RosCell, Sleep
 from dextera_build.deploying.stream import Stream
 from dextera_build.deploying.topics import Topics
 from dextera_build.deploying.transport import Endpoint, Quality, Topic, Transport
+from dextera_build.errors import listing
 from dextera_build.formats.ros import hashes
 
 LEAST_STATES = 2.5
@@ -26,6 +27,11 @@ OUTSIDE_RAD = 0.02
 
 UNHEARD = "allow UDP ports 7400 to 7500 in both firewalls; compare ROS_DOMAIN_ID and `--domain`"
 """What mends a silent topic."""
+UNNAMED = (
+    "correct `joints` of the robot's `simulate.ros_names`; if another driver publishes the missing ones, start it, or"
+    " add its topic to `joint_states`"
+)
+"""What mends joint states that lack a joint."""
 UNSEEN = "is `{}` in the picture, and is a tracker running? `--cell` starts one, which says what it does not find"
 """What mends an object without a pose."""
 
@@ -45,7 +51,14 @@ class Check:
 
 
 def checkup(
-    transport: Transport, topics: Topics, cell: RosCell, robot: RobotModel, sleep: Sleep, listen_s: float = 3.0
+    transport: Transport,
+    topics: Topics,
+    cell: RosCell,
+    robot: RobotModel,
+    sleep: Sleep,
+    listen_s: float = 3.0,
+    *,
+    commands: bool = True,
 ) -> tuple[Check, ...]:
     """Listen to a robot, and compare what it publishes with what a run needs. Nothing is sent.
 
@@ -56,19 +69,22 @@ def checkup(
         robot: The model.
         sleep: Waits [s].
         listen_s: Time to listen [s].
+        commands: Whether dxb is the one who commands the robot, so that nobody else may.
     """
     sleep(listen_s)
     others, fits = transport.others(), transport.fits
-    needed = {stream.topic for stream in cell.needed_streams()}
+    needed = {stream.topic for stream in cell.needed_streams()} | {each.name for each in topics.more_joints}
     found = [
         check for topic in topics.measured() if topic.name in needed for check in _matched(topic, others, fits, DRIVER)
     ]
     found += [
         check for controller in topics.controllers for check in _matched(controller.topic, others, fits, CONTROLLER)
     ]
+    found += [_alone(controller.topic, others) for controller in topics.controllers if commands]
+    found += _limits(cell) if commands else []
     silence_s, now = cell.safety.limits.silence_s, transport.clock()
-    found += [check for stream in cell.needed_streams() for check in _arrives(stream, stream.silent_s(now), silence_s)]
-    found += _clock(cell.state, LEAST_STATES * cell.rate_hz)
+    found += [check for each in cell.needed_streams() for check in _arrives(each, each.silent_s(now), silence_s, cell)]
+    found += _clock(cell)
     found += _joints(cell, robot)
     return tuple(found)
 
@@ -133,6 +149,30 @@ def _matched(
     )
 
 
+def _alone(topic: Topic, others: tuple[Endpoint, ...]) -> Check:
+    """Whether no other program commands a controller."""
+    writers = sum(each.topic == topic.name and each.writes for each in others)
+    return Check(
+        f"{topic.name} is free",
+        not writers,
+        f"{writers} other writer" + ("" if writers == 1 else "s"),
+        f"end the program that commands it, which `ros2 topic info --verbose {topic.name}` names",
+    )
+
+
+def _limits(cell: RosCell) -> Iterator[Check]:
+    """Whether the limits of the cell can be kept."""
+    limits = cell.safety.limits
+    if limits.force_n is not None:
+        told = f"{limits.force_n:g} N cannot be kept, because forces on fingertips are not measured"
+        yield Check("limit of force", False, told, "leave `force_n` out of the `limits` of the cell that is given")
+    if limits.workspace_m is not None:
+        low, high = (listing(f"{each:g}" for each in corner) for corner in limits.workspace_m)
+        outside = cell.outside()
+        told = outside or f"from {low} to {high} m"
+        yield Check("workspace", not outside, told, "move the robot into it, or correct `workspace_m` of `limits`")
+
+
 def _fits(topic: Topic, other: Endpoint) -> Iterator[Check]:
     """Whether type and type hash agree."""
     yield Check(
@@ -145,11 +185,11 @@ def _fits(topic: Topic, other: Endpoint) -> Iterator[Check]:
         yield Check(f"{topic.name} type hash", other.type_hash in ("", own), told, mend)
 
 
-def _arrives(stream: Stream, silent_s: float, most_s: float) -> Iterator[Check]:
+def _arrives(stream: Stream, silent_s: float, most_s: float, cell: RosCell) -> Iterator[Check]:
     """Whether usable messages arrive, and are still arriving."""
-    if stream.fault:
-        mend = "correct `joints` of the robot's `simulate.ros_names`" if "lacks" in stream.fault else "see the driver"
-        yield Check(f"{stream.name} arrives", False, stream.fault, mend)
+    fault = stream.fault or (cell.merged.lacks if stream is cell.state else "")
+    if fault:
+        yield Check(f"{stream.name} arrives", False, fault, UNNAMED if "lacks" in fault else "see the driver")
     elif silent_s > most_s:
         found = "no message" if stream.last is None else f"no message for {silent_s:.1f} s"
         yield Check(f"{stream.name} arrives", False, found, UNSEEN.format(stream.of) if stream.of else UNHEARD)
@@ -157,8 +197,9 @@ def _arrives(stream: Stream, silent_s: float, most_s: float) -> Iterator[Check]:
         yield Check(f"{stream.name} arrives", True, f"{stream.count} messages, {stream.rate_hz():.1f} Hz")
 
 
-def _clock(state: Stream, least_hz: float) -> Iterator[Check]:
-    """Rate of joint states, and the offset of the robot's clock, which is only reported."""
+def _clock(cell: RosCell) -> Iterator[Check]:
+    """Rate of joint states, the delay, and the offset of the robot's clock, which is only reported."""
+    state, least_hz = cell.state, LEAST_STATES * cell.rate_hz
     if state.last is None:
         return
     rate = state.rate_hz()
@@ -168,9 +209,22 @@ def _clock(state: Stream, least_hz: float) -> Iterator[Check]:
         f"{rate:.1f} Hz",
         f"raise `update_rate` of the controller manager to {least_hz:g} Hz or more",
     )
+    yield _delay(cell.probe(), 1.0 / cell.rate_hz)
     offset = state.offset_s
     remark = "; `chrony` on both machines would set it" if abs(offset) > CLOCK_S else ""
     yield Check("clock", True, f"{1000 * offset:.1f} ms behind this machine's with the delay, corrected{remark}")
+
+
+def _delay(round_trip_s: float | None, period_s: float) -> Check:
+    """Whether a command that follows from a measurement arrives before the next measurement does."""
+    if round_trip_s is None:
+        return Check("delay", True, "not measured: the robot answers on none of the ports that were asked")
+    return Check(
+        "delay",
+        round_trip_s <= period_s,
+        f"{1000 * round_trip_s:.1f} ms to the robot and back, {1000 * period_s:g} ms are a control period",
+        "a cable instead of a wireless network, `dxb run` nearer to the robot, or a task with a lower `control_hz`",
+    )
 
 
 def _joints(cell: RosCell, robot: RobotModel) -> Iterator[Check]:

@@ -16,7 +16,7 @@ from contextlib import suppress
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
-from dextera_build.deploying import idl
+from dextera_build.deploying import delay, idl
 from dextera_build.deploying.transport import Endpoint, Quality, Receive, Topic
 from dextera_build.errors import MachineError, install_extra
 from dextera_build.formats.ros import hashes
@@ -63,7 +63,7 @@ class Dds:
     """
 
     def __init__(self, peers: Sequence[str] = (), domain: int = 0) -> None:
-        self._api = _Api()
+        self._api, self._peers = _Api(), tuple(peers) or (LOCAL,)
         # A configuration of the user's own, for another network interface, stays in force.
         settings = os.environ.get("CYCLONEDDS_URI") or config(peers)
         try:
@@ -88,12 +88,15 @@ class Dds:
         self._thread = threading.Thread(target=self._listen, name="dds", daemon=True)
         self._thread.start()
 
+    def offer(self, topic: Topic) -> None:
+        """Announce a topic that will be published."""
+        with self._lock:
+            self._writer(topic)
+
     def publish(self, topic: Topic, message: bytes) -> None:
         """Publish a message (CDR with its encapsulation)."""
         with self._lock:
-            if topic.name not in self._writers:
-                self._writers[topic.name] = self._api.writer(self._participant, self._topic(topic), topic)
-            self._writers[topic.name].write(idl.value(topic.kind, message))
+            self._writer(topic).write(idl.value(topic.kind, message))
 
     def subscribe(self, topic: Topic, receive: Receive) -> None:
         """Pass every message of a topic to `receive`, in the thread of this transport."""
@@ -114,6 +117,12 @@ class Dds:
         """Writers and readers of other programs that were discovered so far."""
         return self._api.endpoints(self._participant)
 
+    def round_trip_s(self) -> float | None:
+        """Longest time to a peer and back [s]; None if one does not answer."""
+        times = [delay.round_trip_s(peer) for peer in self._peers]
+        known = [each for each in times if each is not None]
+        return max(known) if len(known) == len(times) else None
+
     def close(self) -> None:
         """End all topics; nothing is received afterwards."""
         self._closed.set()
@@ -127,6 +136,12 @@ class Dds:
             self._writers.clear()
             self._topics.clear()
             self._wakes = self._participant = None
+
+    def _writer(self, topic: Topic) -> Any:
+        """The writer of a topic."""
+        if topic.name not in self._writers:
+            self._writers[topic.name] = self._api.writer(self._participant, self._topic(topic), topic)
+        return self._writers[topic.name]
 
     def _topic(self, topic: Topic) -> Any:
         """The topic of DDS, one for writers and readers."""
@@ -205,7 +220,9 @@ class _Api:
     def _quality(self, topic: Topic) -> Any:
         policy, quality = self._policy, topic.quality
         second = 1_000_000_000
+        lasts = () if quality.lifespan_s is None else (policy.Lifespan(round(quality.lifespan_s * second)),)
         return self._qos(
+            *lasts,
             policy.Reliability.Reliable(second // 10) if quality.reliable else policy.Reliability.BestEffort,
             policy.Durability.TransientLocal if quality.keeps else policy.Durability.Volatile,
             policy.History.KeepLast(quality.depth),

@@ -44,7 +44,7 @@ class Drive:
     faulty: bool = False
     """Whether it was stopped: by the guard, a fault of the policy or the operator."""
     success: bool | None = None
-    """Whether the measurements show success; None: objects are not measured."""
+    """Whether the last measurement shows success; None: not all objects were measured then, or at the beginning."""
     steps: int = 0
     """Number of control periods."""
     missed: int = 0
@@ -114,6 +114,7 @@ def drive(
     try:
         # The first answer may take seconds, in which libraries are loaded; it is not carried out.
         policy.reset()
+        cell.offer()
         policy.act(deployable(cell.begin(), cell.previous_action, goal, added))
         policy.reset()
         measured = cell.begin()
@@ -131,8 +132,7 @@ def drive(
             ran.missed += late
             due = _next(clock, (sent[-1] if late else due) + period)
             measured = cell.measure()
-            if cell.judges:
-                ran.success = cell.mirror.judge(measured, ran.steps / rate_hz)
+            ran.success = cell.judge(measured, ran.steps / rate_hz)
             if ran.success or ran.steps >= limit_s * rate_hz:
                 ran.reason = DONE if ran.success else LATE.format(limit_s)
                 break

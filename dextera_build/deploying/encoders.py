@@ -3,7 +3,8 @@
 A position that jumps is none of a joint. A joint of an arm that goes away from its targets has positions of another
 sign than its commands, or those of another joint, and the policy would send it further and further. A joint whose
 positions and commands both have the other sign follows its targets, and does not show here. Fingers are not compared
-with their targets: what they touch, and the arm's own motion, move them as well.
+with their targets: what they touch, and the arm's own motion, move them as well. An arm that never moves does not get
+its commands, or refuses them.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ MOVED_RAD, OF_RANGE = 0.05, 0.05
 """Motion that shows a direction: the smaller one of this [rad or m] and of this fraction of the joint's range."""
 BEYOND = 4.0
 """Multiple of that motion by which no load moves a joint beyond all its targets."""
+STILL, STILL_S = 0.2, 1.0
+"""Fraction of that motion below which a joint is still, and for how long it may be while it should move [s]."""
 FASTER = 3.0
 """Multiple of the speed limit of a joint above which no joint moves."""
 
@@ -42,12 +45,14 @@ class Encoders:
         self._start = np.array(positions)
         self._low, self._high = np.zeros(len(self._names)), np.zeros(len(self._names))
         self._shown = np.zeros(len(self._names), bool)
+        self._rest, self._rest_target, self._targets = (np.array(positions) for _ in range(3))
+        self._since = np.full(len(self._names), np.inf)
         self._last: tuple[float, np.ndarray] | None = None
         self._commands = False
 
     def sent(self, targets: np.ndarray) -> None:
         """Note targets (A,) that were sent [rad or m]."""
-        away, self._commands = targets - self._start, True
+        away, self._commands, self._targets = targets - self._start, True, np.array(targets)
         self._low, self._high = np.minimum(self._low, away), np.maximum(self._high, away)
 
     def fault(self, time_s: float, positions: np.ndarray) -> str:
@@ -60,7 +65,21 @@ class Encoders:
                 told = [f"{self._names[row]} from {before[1][row]:.3f} to {positions[row]:.3f}" for row in jumped]
                 return f"positions jumped in {time_s - before[0]:.3f} s: {', '.join(told)}"
         # Where nothing is sent, as while a demonstration is recorded, another program moves the joints.
-        return self._astray(positions - self._start) if self._commands else ""
+        if not self._commands:
+            return ""
+        return self._astray(positions - self._start) or self._still(time_s, positions)
+
+    def _still(self, time_s: float, positions: np.ndarray) -> str:
+        """Joints of arms that stay where they are while their targets go away; what they touch may hold them up."""
+        moves = np.abs(positions - self._rest) > STILL * self._moved
+        self._rest = np.where(moves, positions, self._rest)
+        self._rest_target = np.where(moves, self._targets, self._rest_target)
+        followed = np.abs(self._rest - self._start) > 0.0
+        away = np.abs(self._targets - self._rest_target) > np.where(followed, BEYOND, 1.0) * self._moved
+        self._since = np.where(away & ~moves, np.minimum(self._since, time_s), np.inf)
+        names = [self._names[row] for row in np.flatnonzero((time_s - self._since > STILL_S) & self._stiff)]
+        told = "its controller refuses the commands, a brake holds it, or something blocks it"
+        return f"the robot does not follow: {listing(names)} did not move in {STILL_S:g} s; {told}" if names else ""
 
     def _astray(self, away: np.ndarray) -> str:
         """Joints of arms that moved opposite to all their targets, or far beyond them; `away` (A,) [rad or m]."""

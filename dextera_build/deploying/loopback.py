@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 from dextera_build.deploying.transport import Endpoint, Quality, Receive, Topic
 from dextera_build.formats.ros import hashes
+from dextera_build.formats.ros.reading import SECOND
 
 
 @dataclass
@@ -17,6 +20,15 @@ class Bus:
     now: Callable[[], int] = time.time_ns
     """Its clock [ns]."""
     members: list[Loopback] = field(default_factory=list)
+    delay_s: float = 0.0
+    """Time that a message takes [s]; one that takes time arrives by `deliver`."""
+    waiting: deque[tuple[int, Callable[[], None]]] = field(default_factory=deque)
+    """When each message that is under way arrives [ns], and what it does then."""
+
+    def deliver(self) -> None:
+        """Let the messages arrive whose time has come."""
+        while self.waiting and self.waiting[0][0] <= self.now():
+            self.waiting.popleft()[1]()
 
 
 class Loopback:
@@ -33,13 +45,21 @@ class Loopback:
         self._last: dict[str, bytes] = {}
         bus.members.append(self)
 
+    def offer(self, topic: Topic) -> None:
+        """Show a topic to the others."""
+        self._writers[topic.name] = topic
+
     def publish(self, topic: Topic, message: bytes) -> None:
         """Pass a message to all other programs that read the topic with a matching quality."""
-        self._writers[topic.name] = topic
+        self.offer(topic)
         if topic.quality.keeps:
             self._last[topic.name] = message
         for member in [each for each in self._bus.members if each is not self]:
-            member.arrived(topic, message)
+            if self._bus.delay_s:
+                at = self._bus.now() + round(self._bus.delay_s * SECOND)
+                self._bus.waiting.append((at, partial(member.arrived, topic, message)))
+            else:
+                member.arrived(topic, message)
 
     def arrived(self, topic: Topic, message: bytes) -> None:
         """Pass a message of another program to the readers."""
@@ -71,6 +91,10 @@ class Loopback:
             found += [_endpoint(topic, writes=True) for topic in member._writers.values()]
             found += [_endpoint(topic, writes=False) for topic, _ in member._readers.values()]
         return tuple(found)
+
+    def round_trip_s(self) -> float | None:
+        """Twice the delay of the bus [s]."""
+        return 2.0 * self._bus.delay_s
 
     def close(self) -> None:
         """Leave the bus."""

@@ -40,6 +40,7 @@ def commanded(bag: Bag, time: int, bundle: TaskBundle, period: int, targets: Map
         targets: `REQUESTED` or `SENT` -> joint targets (A,) [rad or m].
     """
     joints = [joint.name for joint in bundle.robot.joints]
+    bag.periods += 1
     for prefix, each in targets.items():
         bag.add(_topic(prefix, "action"), time, messages.joint_trajectory(time, joints, each, period))
 

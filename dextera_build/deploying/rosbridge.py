@@ -17,6 +17,7 @@ from concurrent.futures import TimeoutError as Late
 from contextlib import suppress
 from typing import Any
 
+from dextera_build.deploying import delay
 from dextera_build.deploying.transport import Endpoint, Quality, Receive, Topic
 from dextera_build.errors import MachineError, install_extra
 from dextera_build.formats.ros import plain
@@ -67,16 +68,16 @@ class Rosbridge:
         self._thread = threading.Thread(target=self._listen, name="rosbridge", daemon=True)
         self._thread.start()
 
+    def offer(self, topic: Topic) -> None:
+        """Announce a topic that will be published."""
+        with self._lock:
+            self._advertise(topic)
+
     def publish(self, topic: Topic, message: bytes) -> None:
         """Publish a message (CDR with its encapsulation); after the end of the connection, nothing happens."""
         fields = plain.plain(topic.kind, message)
         with self._lock:
-            if topic.name not in self._writers:
-                self._writers.add(topic.name)
-                quality = topic.quality
-                self._send(
-                    op="advertise", topic=topic.name, type=topic.kind, latch=quality.keeps, queue_size=quality.depth
-                )
+            self._advertise(topic)
             self._send(op="publish", topic=topic.name, msg=fields)
 
     def subscribe(self, topic: Topic, receive: Receive) -> None:
@@ -114,11 +115,27 @@ class Rosbridge:
                 every += [Endpoint(name, kind, writes, None) for _ in others]
         return tuple(every)
 
+    def round_trip_s(self) -> float | None:
+        """Time to the server and back [s], the median of some; None if it does not answer."""
+        times = []
+        for _ in range(delay.TIMES):
+            begun = time.perf_counter()
+            with suppress(self._closed_error):
+                if self._link.ping().wait(delay.WAIT_S):
+                    times.append(time.perf_counter() - begun)
+        return sorted(times)[len(times) // 2] if times else None
+
     def close(self) -> None:
         """End all topics; nothing is received afterwards."""
         self._closed = True
         self._link.close()
         self._thread.join(OPEN_S)
+
+    def _advertise(self, topic: Topic) -> None:
+        if topic.name not in self._writers:
+            self._writers.add(topic.name)
+            latch, length = topic.quality.keeps, topic.quality.depth
+            self._send(op="advertise", topic=topic.name, type=topic.kind, latch=latch, queue_size=length)
 
     def _send(self, **fields: Any) -> None:
         with suppress(self._closed_error):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -18,6 +18,7 @@ import numpy as np
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.deploying import wire
 from dextera_build.deploying.faults import JUMP_NS, LATE_S, LOST, Fault, FaultKind
+from dextera_build.deploying.plans import Command, Plans
 from dextera_build.deploying.topics import SIMULATED, STATUS, Commanded, Topics, beside, offered
 from dextera_build.deploying.transport import SENSOR, Topic, Transport
 from dextera_build.formats.ros import hashes, messages
@@ -106,9 +107,8 @@ class SimulatedRobot:
         self._every = max(1, round(STATE_HZ / environment.task.control_hz))
         self._pictures = max(1, round(STATE_HZ / simulation.picture_hz))
         self._random = np.random.default_rng(simulation.seed)
-        self._from, self._to = environment.previous_action.copy(), environment.previous_action.copy()
-        self._left, self._span = np.zeros(len(self._names)), np.ones(len(self._names))
-        self._waiting: deque[tuple[int, dict[str, float], float]] = deque()
+        self._plans = Plans(self._names, environment.previous_action)
+        self._waiting: deque[tuple[int, Command]] = deque()
         self._states: deque[tuple[int, bytes]] = deque()
         self._picture = b""
         self._depth: np.ndarray | None = None
@@ -130,7 +130,7 @@ class SimulatedRobot:
         self._ticks += 1
         if self._ticks % self._every == 0:
             mujoco.mj_forward(environment.model, environment.data)
-            self.success = self.success or environment.conclude(self._to.copy()).success
+            self.success = self.success or environment.conclude(self._setpoint()).success
         if self._faulty("cut"):
             return
         stamp = self._stamp()
@@ -155,7 +155,9 @@ class SimulatedRobot:
             held = round(LATE_S * STATE_HZ) if self._faulty("joint_states_late") else 0
             self._states.append((self._ticks + held, self._state(stamp)))
         while self._states and self._states[0][0] <= self._ticks:
-            self._transport.publish(offered(self._topics.joints), self._states.popleft()[1])
+            state = self._states.popleft()[1]
+            for topic in self._topics.states:
+                self._transport.publish(offered(topic), state)
 
     def _state(self, stamp: int) -> bytes:
         positions = self.environment.measure().joints
@@ -201,39 +203,33 @@ class SimulatedRobot:
         if self._faulty("cut"):
             return
         try:
-            targets, reach_s, stamp = self._joints.commanded(controller, message)
+            command = self._joints.commanded(controller, message)
         except wire.UnusableError as error:
             self.heard.unusable.append(str(error))
             return
         self.heard.commands, self.heard.last_ns = self.heard.commands + 1, arrived
-        if stamp and stamp + round(reach_s * SECOND) < self._clock():
+        if command.stamp and max(command.due_s(self._clock()), default=0.0) < 0.0:
             self.heard.expired += 1
             return
         self.heard.after_stop += bool(self.heard.status) and self.heard.status[-1].startswith(robot_run.STOPPED)
         if self._moving_since < 0:
             self._moving_since = self._ticks
-        self._waiting.append((arrived + round(self._simulation.delay_s * SECOND), targets, reach_s))
+        delay = round(self._simulation.delay_s * SECOND)
+        late = replace(command, stamp=command.stamp + delay if command.stamp else 0)
+        self._waiting.append((arrived + delay, late))
 
     def _told(self, message: bytes, arrived: int) -> None:
         self.heard.status.append(hashes.read(STATUS.kind, message).data)
 
     def _obey(self) -> None:
-        """Take the commands whose delay is over; a joint moves linearly from where its target is."""
+        """Take the commands whose delay is over."""
         now = self._transport.clock()
         while self._waiting and self._waiting[0][0] <= now:
-            _, targets, reach_s = self._waiting.popleft()
-            rows = [self._names.index(name) for name in targets]
-            self._from[rows], self._to[rows] = self._placed_now()[rows], list(targets.values())
-            ticks = max(1.0, reach_s * STATE_HZ)
-            self._left[rows], self._span[rows] = ticks, ticks
-
-    def _placed_now(self) -> np.ndarray:
-        done = 1.0 - self._left / self._span
-        return np.asarray(self._from + (self._to - self._from) * done)
+            self._plans.follow(self._waiting.popleft()[1], self._clock(), self._plans.at(self._clock()))
 
     def _setpoint(self) -> np.ndarray:
-        self._left = np.maximum(self._left - 1.0, 0.0)
-        return self._placed_now()
+        """Targets (A,) at the end of this tick [rad or m]."""
+        return self._plans.at(self._clock() + round(SECOND / STATE_HZ))
 
     def _faulty(self, kind: FaultKind) -> bool:
         if self._moving_since < 0:

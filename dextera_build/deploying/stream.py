@@ -103,6 +103,11 @@ class Stream:
         last = self.last
         return float("inf") if last is None else (last.arrived - last.stamp - (self._offset or 0)) / SECOND
 
+    def age_s(self, now: int) -> float:
+        """Time since the newest measurement was made, less the shortest delay [s]; infinite if there is none."""
+        last = self.last
+        return float("inf") if last is None else (now - last.stamp - (self._offset or 0)) / SECOND
+
     def silent_s(self, now: int) -> float:
         """Time since a measurement arrived [s]; infinite if none did."""
         last = self.last

@@ -38,6 +38,8 @@ class Topics:
     """Names of joints and frames in messages."""
     joints: Topic
     """Positions of the robot's joints."""
+    more_joints: tuple[Topic, ...]
+    """Further topics with them, of other drivers."""
     objects: Topic
     """Poses of objects from a tracker."""
     displacement: Topic
@@ -49,9 +51,14 @@ class Topics:
     controllers: tuple[Commanded, ...]
     """What takes commands; every joint belongs to one of them."""
 
+    @property
+    def states(self) -> tuple[Topic, ...]:
+        """All topics with positions of the robot's joints."""
+        return (self.joints, *self.more_joints)
+
     def measured(self) -> tuple[Topic, ...]:
         """Topics that dxb reads."""
-        return (self.joints, self.objects, self.displacement, *self.pictures.values(), *self.depths.values())
+        return (*self.states, self.objects, self.displacement, *self.pictures.values(), *self.depths.values())
 
 
 def of_robot(robot: RobotModel, names: RosNames, cameras: Iterable[str] = ()) -> Topics:
@@ -69,9 +76,12 @@ def of_robot(robot: RobotModel, names: RosNames, cameras: Iterable[str] = ()) ->
     given = names.controllers or (Controller(topic=BY_NAME["action"].topic),)
     controllers = tuple(Commanded(Topic(each.topic, COMMAND_KINDS[each.kind]), each.joints or every) for each in given)
     _check(every, names, [joint for each in controllers for joint in each.joints])
+    given_states = names.joint_states
+    states = (given_states,) if isinstance(given_states, str) else given_states or ("",)
     return Topics(
         names=names,
-        joints=_read("joints", names.joint_states),
+        joints=_read("joints", states[0]),
+        more_joints=tuple(_read("joints", each) for each in states[1:]),
         objects=_read("objects", names.objects),
         displacement=_read("displacement", names.displacement),
         pictures={camera: _read("rgb", names.pictures.get(camera, ""), camera) for camera in cameras},

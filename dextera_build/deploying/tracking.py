@@ -14,6 +14,7 @@ import numpy as np
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.deploying import wire
+from dextera_build.deploying.merged import Merged
 from dextera_build.deploying.stream import KEPT, Sample, Stream
 from dextera_build.deploying.topics import Topics, beside, offered
 from dextera_build.deploying.transport import SENSOR, Topic, Transport
@@ -26,6 +27,8 @@ from dextera_build.tracking.tracked_object import Status
 
 TOGETHER_NS = SECOND // 50
 """Largest difference of the stamps of a picture and its depth [ns], which drivers that register depth make equal."""
+NEAR_NS = SECOND // 10
+"""Largest difference of the stamps of a picture and the joint state that belongs to it [ns]."""
 FRAME_S = 1 / 15
 """Time between the frames in which the photographed scene is shown [s]."""
 
@@ -48,11 +51,11 @@ class Watched:
         """Intrinsics of the pictures; None before they arrived."""
         self._picture, self._depth = _stream(picture, 8), _stream(depth, 8)
         self._state = _stream(topics.joints)
-        self._joints = wire.Joints([joint.name for joint in bundle.robot.joints], topics)
+        self._merged = Merged(wire.Joints([joint.name for joint in bundle.robot.joints], topics))
         self._shown: Sample | None = None
         self._fault = ""
-        read = partial(self._heard, topics.joints, self._state, self._joints.positions)
-        transport.subscribe(topics.joints, read)
+        for each in topics.states:
+            transport.subscribe(each, partial(self._merged.read, each.kind, into=self._state))
         transport.subscribe(picture, partial(self._heard, picture, self._picture, _whole))
         transport.subscribe(depth, partial(self._heard, depth, self._depth, _whole))
         transport.subscribe(self.info, self._informed)
@@ -65,6 +68,8 @@ class Watched:
         """
         self._check()
         silent = [each.topic for each in (self._picture, self._depth, self._state) if each.last is None]
+        if self._state.topic in silent and self._merged.lacks:
+            silent[silent.index(self._state.topic)] += f" ({self._merged.lacks})"
         return silent + ([] if self.camera else [self.info.name])
 
     def frame(self) -> tuple[int, np.ndarray, np.ndarray, np.ndarray] | None:
@@ -79,7 +84,11 @@ class Watched:
         if depth is None or picture is None or camera is None or depth is self._shown:
             return None
         state = self._state.nearest(picture.stamp)
-        if state is None or abs(picture.stamp - depth.stamp) > TOGETHER_NS:
+        if (
+            state is None
+            or abs(picture.stamp - state.stamp) > NEAR_NS
+            or abs(picture.stamp - depth.stamp) > TOGETHER_NS
+        ):
             return None
         self._shown = depth
         try:

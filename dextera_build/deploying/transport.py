@@ -23,6 +23,8 @@ class Quality:
     """Whether a reader that comes later gets the last message: `transient local`."""
     depth: int = 10
     """Number of messages that a queue holds."""
+    lifespan_s: float | None = None
+    """Time after which a message that could not be delivered is no longer sent again [s]; None: never. Of writers."""
 
     def admits(self, reader: Quality) -> bool:
         """Whether a reader of this quality gets the messages of a writer with the present one."""
@@ -67,6 +69,10 @@ class Endpoint:
 class Transport(Protocol):
     """Publishes and receives messages."""
 
+    def offer(self, topic: Topic) -> None:
+        """Announce a topic that will be published, so that its readers know of it before the first message."""
+        ...
+
     def publish(self, topic: Topic, message: bytes) -> None:
         """Publish a message (CDR with its encapsulation)."""
         ...
@@ -85,6 +91,10 @@ class Transport(Protocol):
 
     def others(self) -> tuple[Endpoint, ...]:
         """Writers and readers of other programs that were discovered so far."""
+        ...
+
+    def round_trip_s(self) -> float | None:
+        """Time of a message to the robot and back [s]; None: it cannot be measured. It may take seconds."""
         ...
 
     def close(self) -> None:

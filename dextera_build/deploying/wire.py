@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from dextera_build.deploying.plans import Command
 from dextera_build.deploying.topics import COMMAND_KINDS, Commanded, Topics
 from dextera_build.errors import listing
 from dextera_build.formats.ros import hashes, messages
@@ -48,21 +49,36 @@ class Joints:
         self._named = tuple(names.joints.get(joint, joint) for joint in joints)
         self._sign = np.array([-1.0 if joint in names.flipped else 1.0 for joint in joints])
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The joints as messages name them (A)."""
+        return self._named
+
+    def found(self, state: Any) -> dict[str, float]:
+        """Joint, as messages name it -> its position [rad or m], of those in an unpacked joint state.
+
+        Raises:
+            UnusableError: A position is not a finite number.
+        """
+        given = dict(zip(state.name, state.position, strict=False))
+        places = {name: float(given[name]) for name in self._named if name in given}
+        bad = [name for name, place in places.items() if not np.isfinite(place)]
+        if bad:
+            raise UnusableError(f"the position of {listing(bad)} is not a finite number")
+        signs = dict(zip(self._named, self._sign, strict=True))
+        return {name: place * float(signs[name]) for name, place in places.items()}
+
     def positions(self, state: Any) -> np.ndarray:
         """Positions (A,) [rad or m] in an unpacked joint state.
 
         Raises:
             UnusableError: A joint is missing, or its position is not a finite number.
         """
-        found = dict(zip(state.name, state.position, strict=False))
+        found = self.found(state)
         missing = [name for name in self._named if name not in found]
         if missing:
             raise UnusableError(f"it lacks {listing(missing)}; it has {listing(state.name, most=40) or 'no joint'}")
-        positions = np.array([found[name] for name in self._named], np.float64)
-        bad = [name for name, value in zip(self._named, positions, strict=True) if not np.isfinite(value)]
-        if bad:
-            raise UnusableError(f"the position of {listing(bad)} is not a finite number")
-        return np.asarray(positions * self._sign)
+        return np.array([found[name] for name in self._named], np.float64)
 
     def state(self, stamp: int, positions: np.ndarray) -> bytes:
         """A joint state of positions (A,) [rad or m]."""
@@ -76,26 +92,32 @@ class Joints:
             return messages.numbers(names, values)
         return messages.joint_trajectory(stamp, names, values, reach)
 
-    def commanded(self, controller: Commanded, message: bytes) -> tuple[dict[str, float], float, int]:
-        """Joint of the model -> target [rad or m]; the time until it is reached [s]; the stamp [ns], 0 without one.
+    def commanded(self, controller: Commanded, message: bytes) -> Command:
+        """The command of a controller, for the joints of the model.
 
         Raises:
-            UnusableError: The message is damaged, or its joints are not those of the controller.
+            UnusableError: The message is damaged, or its controller refuses it.
         """
         read = unpacked(controller.topic.kind, message)
         named = {self._named[self._joints.index(joint)]: joint for joint in controller.joints}
         if controller.topic.kind == COMMAND_KINDS["forward"]:
-            names, values, reach, stamp = list(named), read.data, 0.0, 0
+            names, places, reach, stamp = list(named), [read.data], [0.0], 0
         else:
-            point = read.points[-1]
-            names, values = read.joint_names, point.positions
-            reach = float(point.time_from_start.sec + point.time_from_start.nanosec / SECOND)
-            stamp = stamp_of(read.header)
-        if sorted(names) != sorted(named) or len(values) != len(named):
+            names, places, stamp = read.joint_names, [point.positions for point in read.points], stamp_of(read.header)
+            reach = [float(each.time_from_start.sec + each.time_from_start.nanosec / SECOND) for each in read.points]
+        if places and sorted(names) != sorted(named):
             raise UnusableError(f"its joints are {listing(names)}, those of the controller {listing(named)}")
-        places = dict(zip(names, values, strict=True))
+        for each in places:
+            if len(each) != len(named):
+                raise UnusableError(
+                    f"its number of targets is {len(each)}, that of the controller's joints {len(named)}"
+                )
+        if not np.isfinite(np.array(places)).all() or (np.diff(reach) <= 0).any():
+            raise UnusableError("its targets are not finite, or its times do not increase")
         signs = dict(zip(self._joints, self._sign, strict=True))
-        return {joint: float(places[name] * signs[joint]) for name, joint in named.items()}, reach, stamp
+        rows = [dict(zip(names, each, strict=True)) for each in places]
+        targets = tuple(tuple(float(row[name] * signs[joint]) for name, joint in named.items()) for row in rows)
+        return Command(tuple(named.values()), stamp, tuple(reach), targets)
 
 
 def poses(stamp: int, base: str, placed: Mapping[str, np.ndarray]) -> bytes:

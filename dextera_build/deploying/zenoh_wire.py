@@ -15,6 +15,7 @@ import threading
 import time
 from typing import Any
 
+from dextera_build.deploying import delay
 from dextera_build.deploying.idl import dds_name, ros_name
 from dextera_build.deploying.transport import Endpoint, Quality, Receive, Topic
 from dextera_build.errors import MachineError, install_extra
@@ -43,6 +44,7 @@ class Zenoh:
     def __init__(self, address: str, domain: int = 0, *, routes: bool = False) -> None:
         self._zenoh, self._ext = _modules()
         endpoint = f"tcp/{address}" if address.rpartition(":")[2].isdigit() else f"tcp/{address}:{PORT}"
+        self._endpoint = endpoint
         try:
             self._session = self._zenoh.open(_config(self._zenoh, endpoint, routes))
         except self._zenoh.ZError as error:
@@ -67,12 +69,15 @@ class Zenoh:
             self._session.liveliness().declare_subscriber(f"@ros2_lv/{domain}/**", self._seen, history=True)
         )
 
+    def offer(self, topic: Topic) -> None:
+        """Announce a topic that will be published."""
+        with self._lock:
+            self._offered(topic)
+
     def publish(self, topic: Topic, message: bytes) -> None:
         """Publish a message (CDR with its encapsulation)."""
         with self._lock:
-            if topic.name not in self._writers:
-                self._writers[topic.name] = self._writer(topic)
-            self._writers[topic.name].put(message)
+            self._offered(topic).put(message)
 
     def subscribe(self, topic: Topic, receive: Receive) -> None:
         """Pass every message of a topic to `receive`, in a thread of Zenoh."""
@@ -105,6 +110,11 @@ class Zenoh:
         with self._lock:
             return tuple(self._others.values())
 
+    def round_trip_s(self) -> float | None:
+        """Time to the router and back [s]; None if it does not answer."""
+        host, _, port = self._endpoint.removeprefix("tcp/").rpartition(":")
+        return delay.round_trip_s(host, (int(port),))
+
     def close(self) -> None:
         """End all topics; nothing is received afterwards."""
         self._closed = True
@@ -115,6 +125,11 @@ class Zenoh:
 
     def _key(self, topic: Topic) -> str:
         return f"{self._domain}/{topic.name.strip('/')}/{dds_name(topic.kind)}"
+
+    def _offered(self, topic: Topic) -> _Writer:
+        if topic.name not in self._writers:
+            self._writers[topic.name] = self._writer(topic)
+        return self._writers[topic.name]
 
     def _writer(self, topic: Topic) -> _Writer:
         quality, zenoh = topic.quality, self._zenoh

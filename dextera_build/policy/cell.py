@@ -93,7 +93,7 @@ class Guard:
             step = self._step * min(1.0, (self._passed + 1) / self._ramp)
             near = np.clip(found, self._last - step, self._last + step)
             found = np.clip(near, self._lower, self._upper)
-            self._why = self._outside(found)
+            self._why = self.outside(found)
         if self._why:
             raise self.stop(self._why)
         self._last, self._passed = found, self._passed + 1
@@ -115,7 +115,8 @@ class Guard:
         within = float(np.linalg.norm(forces[strongest])) <= most
         return "" if within else f"`{self._tips[strongest]}` presses with more than {most:g} N"
 
-    def _outside(self, targets: np.ndarray) -> str:
+    def outside(self, targets: np.ndarray) -> str:
+        """Which palm leaves the workspace at targets (A,) [rad]; empty if none does."""
         if self._limits.workspace_m is None:
             return ""
         low, high = np.array(self._limits.workspace_m)

@@ -52,6 +52,11 @@ class Measurement:
     frames: Frames = field(default_factory=dict)
     """Frames of all cameras."""
 
+    @property
+    def placed(self) -> bool:
+        """Whether all objects and their joints were measured."""
+        return bool(np.isfinite(self.objects).all() and np.isfinite(self.displacement).all())
+
 
 @dataclass(frozen=True)
 class DeployableObservation:

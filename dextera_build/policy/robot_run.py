@@ -15,6 +15,7 @@ from typing import IO, Any
 import numpy as np
 
 from dextera_build.artifacts.base import File, Folder
+from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.artifacts.tasks.policy import PolicyContract
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError, listing
@@ -72,7 +73,13 @@ class RobotRun:
     @property
     def complete(self) -> bool:
         """Whether all objects and their joints were measured at all times."""
-        return all(np.isfinite(each.objects).all() and np.isfinite(each.displacement).all() for each in self.measured)
+        return all(each.placed for each in self.measured)
+
+    @property
+    def silence_s(self) -> float:
+        """Longest time for which a picture or a pose may be the newest one, by the limits of the run [s]."""
+        limits = self.about.get("limits")
+        return (Limits.model_validate_json(limits) if limits else Limits()).silence_s
 
 
 def every(given: File | Folder, bundle: TaskBundle) -> dict[str, RobotRun]:
@@ -133,7 +140,7 @@ def filmed(stream: IO[bytes], name: str, bundle: TaskBundle) -> tuple[RobotRun, 
     The file is read once; pictures stay encoded until they are asked for. Arguments and errors are those of `read`.
 
     Raises:
-        RuleError: It has no camera, or several, or a picture comes too late.
+        RuleError: It has no camera, or several, or none of its pictures is new enough for a command, by its limits.
     """
     cameras = [each.topic for each in reading.index(stream, name)[0] if each.kind == PICTURES]
     if len(cameras) != 1:
@@ -144,7 +151,7 @@ def filmed(stream: IO[bytes], name: str, bundle: TaskBundle) -> tuple[RobotRun, 
         )
     found = _read(stream, name, bundle, cameras[0])
     run = found.run()
-    return run, _arrived(found.pictures, cameras[0], run.times, name)
+    return run, _arrived(found.pictures, cameras[0], run, name)
 
 
 def _read(stream: IO[bytes], name: str, bundle: TaskBundle, camera: str) -> _Found:
@@ -160,14 +167,19 @@ def _read(stream: IO[bytes], name: str, bundle: TaskBundle, camera: str) -> _Fou
     return found
 
 
-def _arrived(
-    pictures: Sequence[tuple[int, Any]], camera: str, times: Sequence[int] | np.ndarray, name: str
-) -> Iterator[np.ndarray]:
+def _arrived(pictures: Sequence[tuple[int, Any]], camera: str, run: RobotRun, name: str) -> Iterator[np.ndarray]:
     at, last, pixels = [time for time, _ in pictures], -1, None
-    for time in times:
+    for time in run.times:
         row = bisect.bisect_right(at, time) - 1
         if row < 0:
             raise RuleError(f"`{name}` has no picture before the first command", code="DXB-B557")
+        if (age_s := (time - at[row]) / reading.SECOND) > run.silence_s:
+            raise RuleError(
+                f"the camera of `{name}` gave no picture for {age_s:.2f} s, more than {run.silence_s:g} s",
+                code="DXB-B559",
+                facts={"after": f"{(at[row] - run.times[0]) / reading.SECOND:.2f} s of the run"},
+                hint="take the recording out of the folder: its last pictures show what was before",
+            )
         if pixels is None or row != last:
             pixels, last = images.pixels(pictures[row][1], camera), row
         yield pixels

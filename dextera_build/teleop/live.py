@@ -7,7 +7,6 @@ import gc
 import io
 import signal
 import sys
-import tempfile
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -19,6 +18,7 @@ import numpy as np
 from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import UsageError
+from dextera_build.formats.ros.recording import check_new
 from dextera_build.sim.experts import workplace
 from dextera_build.sim.retarget.options import Retargeting
 from dextera_build.teleop import certificate
@@ -193,14 +193,7 @@ def _run(wanted: Wanted, opened: Callable[[Opened], None], webcam: Webcam | None
 
 
 def _check(wanted: Wanted) -> None:
-    if wanted.out.suffix != ".mcap":
-        raise UsageError(f"`{wanted.out}` does not end in .mcap", code="DXB-U335", hint="`--out recordings/mine.mcap`")
-    if wanted.out.exists():
-        raise UsageError(
-            f"`{wanted.out}` exists",
-            code="DXB-U330",
-            hint=f"`--out {wanted.out.with_stem(wanted.out.stem + '_2')}`, or move it away",
-        )
+    check_new(wanted.out)
     if wanted.takes < 1 or not 0 < wanted.limit_s < np.inf or not 0.05 <= wanted.speed <= 1:
         raise UsageError(
             "a session needs a take, time for it, and a speed from 0.05 to 1",
@@ -208,7 +201,6 @@ def _check(wanted: Wanted) -> None:
             facts={"takes": wanted.takes, "limit": f"{wanted.limit_s:g} s", "speed": f"{wanted.speed:g}"},
         )
     _check_limits(wanted.limits)
-    _check_folder(wanted.out.parent)
 
 
 def _check_limits(limits: Limits) -> None:
@@ -220,20 +212,6 @@ def _check_limits(limits: Limits) -> None:
             facts={"speed": f"{limits.speed:g}", "force": f"{force:g} N"},
             hint="`--joint-speed 0.5 --tip-force 20`",
         )
-
-
-def _check_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise UsageError(
-            f"recordings cannot be written to `{folder}`",
-            code="DXB-U349",
-            facts={"system": error.strerror or str(error)},
-            hint="name another folder by `--out FOLDER/NAME.mcap`",
-        ) from None
 
 
 def _rounded(values: tuple[float, float]) -> list[float] | None:

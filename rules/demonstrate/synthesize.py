@@ -57,7 +57,7 @@ class SynthesizeOptions(Options):
     hold_s: NonNegativeFloat = 0.5
     """Episodes whose success does not last for this time are discarded, if the task demands less [s]."""
     tries: PositiveInt = 6
-    """Maximum attempts per episode before the shard fails."""
+    """Maximum attempts per episode, after which fewer episodes are returned."""
 
 
 class SynthesizeBackend(Protocol):
@@ -73,7 +73,7 @@ class SynthesizeBackend(Protocol):
         common: SynthesizeOptions,
         options: Any,
     ) -> Episodes:
-        """Attempt episodes until the shard is full or fails."""
+        """Attempt episodes until the shard is full, or the attempts are used up."""
         ...
 
 
@@ -97,7 +97,10 @@ def synthesize(
     Every attempt has its own start and noise, drawn from a seed derived from (data set, attempt). The label is the
     clean target; the executed command is stored with it. Every run of a limb is adapted from the demonstration whose
     frame was nearest at that time, limbs that a segment names together share one transform, and the result is slowed
-    to the speeds and accelerations of the arms.
+    to the speeds and accelerations of the arms. If too few attempts succeed, there are fewer episodes.
+
+    Raises:
+        RuleError: There are no demonstrations, they show another task, or no attempt succeeded.
     """
     ctx.check(bool(sources.items), "no demonstrations were given", hint="look at `dxb log` of the operator")
     ctx.check(
@@ -108,7 +111,7 @@ def synthesize(
     found: Episodes = ctx.backend.synthesize(ctx, bundle, sources, shard, listed(terms), options, ctx.backend_options)
     done = len(found.items)
     ctx.check(
-        done == shard.count,
+        done > 0,
         f"only {done} of {shard.count} episodes of `{bundle.task.name}` came out",
         attempts=found.attempts,
         reasons=spelled(found.reasons, most=5),
@@ -116,6 +119,8 @@ def synthesize(
     )
     ctx.metric("yield", done / max(1, found.attempts))
     ctx.say(f"{done} episodes from {found.attempts} attempts ({100 * done / max(1, found.attempts):.0f} %)")
+    if done < shard.count:
+        ctx.warn(f"only {done} of {shard.count} episodes came out: {spelled(found.reasons, most=5)}")
     for reason, count in found.reasons.items():
         ctx.log(f"{count} x {reason}")
     return found

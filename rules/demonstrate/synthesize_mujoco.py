@@ -42,7 +42,7 @@ def synthesize(
     common: SynthesizeOptions,
     options: Options,
 ) -> Episodes:
-    """Attempt episodes until the shard is full or fails."""
+    """Attempt episodes until the shard is full, or the attempts are used up."""
     driver = Driver(Environment(bundle, terms=of_specs(terms, ctx.companion)), SETTLE_RAD_S)
     manner = _manner(common)
     items: dict[str, Episode] = {}

@@ -33,7 +33,7 @@ class AttemptedBackend(Protocol):
         ...
 
 
-@rule(version=1, packages=("numpy", "mcap", "mcap-ros2-support"), runs={"bundle": "primitive"})
+@rule(version=2, packages=("numpy", "mcap", "mcap-ros2-support"), runs={"bundle": "primitive"})
 def attempted(
     ctx: Context[AttemptedBackend], bundle: TaskBundle, runs: File | Folder, *, options: AttemptedOptions
 ) -> Trials:

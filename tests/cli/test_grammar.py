@@ -42,3 +42,25 @@ def test_unknown_words_have_a_suggestion(words: list[str], message: str, hint: s
     with pytest.raises(UsageError) as caught:
         grammar.parse(words)
     assert (caught.value.message, caught.value.hint) == (message, hint)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("run t --policy p --speed 0", "`--speed 0` is no number above 0 to 1"),
+        ("run t --policy p --speed nan", "`--speed nan` is no number above 0 to 1"),
+        ("run t --policy p --ramp nan", "`--ramp nan` is no number from 0 to 60"),
+        ("run t --policy p --ramp -1", "`--ramp -1` is no number from 0 to 60"),
+        ("run t --policy p --limit nan", "`--limit nan` is no number above 0 to 86400"),
+        ("run t --policy p --limit inf", "`--limit inf` is no number above 0 to 86400"),
+        ("robot record t --limit nan", "`--limit nan` is no number above 0 to 86400"),
+        ("robot doctor t --listen inf", "`--listen inf` is no number above 0 to 600"),
+        ("robot track t --seconds nan", "`--seconds nan` is no number from 0"),
+        ("robot simulate t --loss 2", "`--loss 2` is no number from 0 to 1"),
+        ("robot simulate t --delay soon", "`--delay soon` is no number from 0 to 60"),
+    ],
+)
+def test_numbers_that_no_robot_has_are_refused(words: str, message: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        grammar.parse(words.split())
+    assert (caught.value.message, caught.value.code) == (message, "DXB-U347")

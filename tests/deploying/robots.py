@@ -99,37 +99,66 @@ def recording(
     return kept[0]
 
 
+class Watcher:
+    """Records a demonstration that another program, a run, commands in the simulated robot.
+
+    Args:
+        rig: The robot.
+        needed: What is measured besides the joints.
+        names: Names in ROS 2.
+    """
+
+    def __init__(self, rig: Rig, needed: tuple[str, ...] = NEEDED, names: RosNames | None = None) -> None:
+        self._rig, self._file = rig, io.BytesIO()
+        self.bag, self.transport = Bag(self._file), Loopback(rig.bus)
+        cameras = ("workspace",) if "rgb" in needed else ()
+        self.topics = tables.of_robot(rig.bundle.robot, names or RosNames(), cameras)
+        self.cell = RosCell(self.transport, self.topics, rig.bundle, needed, bag=self.bag, sleep=rig.sleep)
+        self.made = Demonstration(self.transport, self.topics, rig.bundle, self.cell, self.bag)
+        about = {"policy": "", "algorithm": "", "origin": "operator", "world": "real"}
+        self.bag.state(ABOUT, rig.time, facts(self.cell, rig.bundle) | about)
+
+    def step(self) -> None:
+        """Record a control period, once every joint was commanded."""
+        if self.made.commanded and not self.made.steps:
+            self.made.begin()
+        if self.made.commanded and not self.made.success:
+            self.made.step()
+
+    def closed(self, reason: str, operator: bool | None = None) -> bytes:
+        """The recording."""
+        self.made.end(reason)
+        self.bag.state(VERDICT, self._rig.time, {"measured": self.made.success, "operator": operator})
+        kept: list[bytes] = []
+        self._file.close = lambda: kept.append(self._file.getvalue())  # type: ignore[method-assign]
+        self.bag.close()
+        return kept[0]
+
+
+@dataclass
+class Shown:
+    """A policy; a step of something else, as of a `Watcher`, belongs to each control period."""
+
+    policy: Acting
+    step: Callable[[], None]
+
+    def reset(self) -> None:
+        self.policy.reset()
+
+    def act(self, observation: DeployableObservation) -> np.ndarray:
+        self.step()
+        return self.policy.act(observation)
+
+
 def demonstration() -> bytes:
     """The recording of a demonstration that another program, a run, commands in the simulated robot."""
     rig = Rig()
-    file = io.BytesIO()
-    bag, transport = Bag(file), Loopback(rig.bus)
-    topics = tables.of_robot(rig.bundle.robot, RosNames())
-    cell = RosCell(transport, topics, rig.bundle, NEEDED, bag=bag, sleep=rig.sleep)
-    made = Demonstration(transport, topics, rig.bundle, cell, bag)
-    about = {"policy": "", "algorithm": "", "origin": "operator", "world": "real"}
-    bag.state(ABOUT, rig.time, facts(cell, rig.bundle) | about)
-
-    class Watched(Lifting):
-        """Each control period of the other program is one of the recording, too."""
-
-        def act(self, observation: DeployableObservation) -> np.ndarray:
-            if made.commanded and not made.steps:
-                made.begin()
-            if made.commanded and not made.success:
-                made.step()
-            return super().act(observation)
-
-    rig.drive(Watched(), 12.0)
-    while not made.success and made.steps < 400:
+    watcher = Watcher(rig)
+    rig.drive(Shown(Lifting(), watcher.step), 12.0)
+    while not watcher.made.success and watcher.made.steps < 400:
         rig.sleep(0.05)
-        made.step()
-    made.end("the operator ended it")
-    bag.state(VERDICT, rig.time, {"measured": made.success, "operator": None})
-    kept: list[bytes] = []
-    file.close = lambda: kept.append(file.getvalue())  # type: ignore[method-assign]
-    bag.close()
-    return kept[0]
+        watcher.step()
+    return watcher.closed("the operator ended it")
 
 
 class Rig:
@@ -187,6 +216,7 @@ class Rig:
         """Let time pass, for the robot too."""
         for _ in range(max(1, round(seconds * 1e9) // TICK_NS)):
             self.time += TICK_NS
+            self.bus.deliver()
             self.robot.tick()
 
     def drive(self, policy: Acting, limit_s: float = 2.0, halt: threading.Event | None = None) -> Drive:

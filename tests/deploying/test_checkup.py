@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import argparse
+
 import numpy as np
 import pytest
 
 pytest.importorskip("rosbags", reason="needs rosbags (extra `ros`)")
 
+from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.artifacts.robots.ros_names import Controller, RosNames
+from dextera_build.cli import built
+from dextera_build.cli.robot import run
 from dextera_build.deploying import topics as tables
+from dextera_build.deploying.cell import GUARDED, Safety
 from dextera_build.deploying.checkup import Check, checkup
+from dextera_build.deploying.loopback import Loopback
 from dextera_build.deploying.simulated import Simulation
 from dextera_build.deploying.transport import Quality, Topic
 from dextera_build.formats.ros import hashes, messages
@@ -61,6 +68,46 @@ def _without(message: bytes, name: str) -> bytes:
         pose = np.array([at.x, at.y, at.z, turn.w, turn.x, turn.y, turn.z])
         edges += [(each.header.frame_id, each.child_frame_id, pose)] if each.child_frame_id != name else []
     return messages.transforms(read.transforms[0].header.stamp.sec * 10**9, edges)
+
+
+def test_another_program_that_commands_is_found() -> None:
+    rig = Rig()
+    (controller,) = rig.cell._topics.controllers
+    Loopback(rig.bus).publish(controller.topic, b"")
+    found = failed(rig)
+    assert list(found) == ["/joint_trajectory is free"]
+    assert found["/joint_trajectory is free"].found == "1 other writer"
+    assert "`ros2 topic info --verbose /joint_trajectory`" in found["/joint_trajectory is free"].mend
+    recorded = checkup(rig.transport, rig.cell._topics, rig.cell, rig.bundle.robot, rig.sleep, commands=False)
+    assert all(each.ok for each in recorded)
+
+
+@pytest.mark.parametrize(("delay_s", "ok"), [(0.01, True), (0.03, False)])
+def test_a_delay_of_more_than_a_control_period_is_found(delay_s: float, ok: bool) -> None:
+    rig = Rig()
+    rig.bus.delay_s = delay_s
+    found = failed(rig)
+    assert list(found) == ([] if ok else ["delay"])
+    if not ok:
+        assert found["delay"].found == "60.0 ms to the robot and back, 50 ms are a control period"
+
+
+def test_a_run_keeps_the_limits_of_its_cell(monkeypatch: pytest.MonkeyPatch) -> None:
+    cell = Limits(speed=0.2, workspace_m=((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)))
+    monkeypatch.setattr(built, "artifact", lambda args, name, kind: argparse.Namespace(limits=cell))
+    args = argparse.Namespace(speed=0.5, ramp=1.0, cell="task/close_laptop:cell")
+    assert run._safety(args) == Safety(cell.model_copy(update={"silence_s": 0.5}), ramp_s=1.0)
+    assert run._safety(argparse.Namespace(speed=0.3, ramp=1.0, cell=None)).limits.speed == 0.3
+
+
+def test_limits_that_cannot_be_kept_are_found() -> None:
+    inside = GUARDED.stricter(Limits(workspace_m=((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))))
+    assert failed(Rig(safety=Safety(inside))) == {}
+    outside = Limits(workspace_m=((0.2, -1.0, -1.0), (2.0, 1.0, 1.0)), force_n=20.0)
+    found = failed(Rig(safety=Safety(GUARDED.stricter(outside))))
+    assert list(found) == ["limit of force", "workspace"]
+    assert found["limit of force"].found.startswith("20 N cannot be kept")
+    assert "x is not within 0.2 to 2 m" in found["workspace"].found
 
 
 def test_a_controller_of_another_type_is_found() -> None:

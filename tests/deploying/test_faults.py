@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import threading
+from typing import Literal
 
 import numpy as np
 import pytest
 
 pytest.importorskip("rosbags", reason="needs rosbags (extra `ros`)")
 
+from dextera_build.artifacts.robots.cell import Limits
+from dextera_build.artifacts.robots.ros_names import Controller, RosNames
+from dextera_build.deploying.cell import GUARDED, Safety
 from dextera_build.deploying.faults import FAULTS, Fault, FaultKind
+from dextera_build.deploying.loopback import Loopback
 from dextera_build.deploying.simulated import Simulation
 from dextera_build.policy.running import PolicyFault
 from tests.deploying.robots import Line, Rig
@@ -20,9 +25,9 @@ WHY: dict[FaultKind, str] = {
     "joint_states_stop": "no joint states arrived for more than 0.1 s",
     "joint_states_late": "no joint states arrived for more than 0.1 s",
     "joint_states_lost": "no joint states arrived for more than 0.1 s",
-    "pictures_stop": "no frame arrived for more than 0.5 s",
+    "pictures_stop": "no frame arrived for more than 0.5 s on /workspace/color/image_raw/compressed",
     "pictures_freeze": "`workspace` shows the same picture while the robot moves",
-    "poses_stop": "no frame arrived for more than 0.5 s",
+    "poses_stop": "no frame arrived for more than 0.5 s on /tf of box",
     "stamps_jump": "the stamps of `/joint_states` jumped by +3.00 s",
     "stamps_back": "the stamps of `/joint_states` jumped by -3.00 s",
     "nan": "a message of `/joint_states` cannot be used: the position of x is not a finite number",
@@ -120,6 +125,40 @@ def test_a_robot_that_is_silent_from_the_beginning_is_not_moved() -> None:
     assert rig.robot.heard.commands == 0
 
 
+@pytest.mark.parametrize("kind", ["trajectory", "forward"])
+def test_another_program_that_commands_the_robot_stops_the_run(kind: Literal["trajectory", "forward"]) -> None:
+    rig = Rig(RosNames(controllers=(Controller(topic="/go", kind=kind),)))
+    other, (controller,) = Loopback(rig.bus), rig.cell._topics.controllers
+
+    def commanded() -> np.ndarray:
+        other.publish(controller.topic, rig.cell._joints.command(rig.time, controller, np.zeros(5), 50_000_000))
+        return TARGETS
+
+    ran = rig.drive(Line(TARGETS, after=10, then=commanded))
+    assert (ran.reason, ran.steps) == ("the guard stopped the robot: another program commands /go, too", 10)
+    held(rig)
+
+
+def test_a_palm_that_would_leave_the_workspace_stops_the_run() -> None:
+    rig = Rig(safety=Safety(GUARDED.stricter(Limits(workspace_m=((-1.0, -1.0, -1.0), (0.08, 1.0, 1.0))))))
+    ran = rig.drive(Line(np.array([0.3, 0.0, 0.05, 0.04, 0.04])), limit_s=5.0)
+    assert "the palm of `arm` would leave the workspace: x is not within -1 to 0.08 m" in ran.reason
+    assert rig.robot.environment.measure().joints[0] < 0.081
+    held(rig)
+
+
+def test_commands_that_come_back_are_no_others() -> None:
+    rig = Rig()
+    publish = rig.transport.publish
+
+    def echoed(topic, message):
+        publish(topic, message)
+        rig.transport.arrived(topic, message)
+
+    rig.transport.publish = echoed  # type: ignore[method-assign]
+    assert not rig.drive(Line(TARGETS)).faulty
+
+
 def test_a_slow_policy_neither_bursts_nor_acts_on_what_was_long_ago() -> None:
     rig = Rig()
     times: list[int] = []
@@ -196,3 +235,38 @@ def test_a_command_that_comes_when_its_time_is_over_is_refused() -> None:
     rig.sleep(0.5)
     publish(rig.cell._topics.controllers[0].topic, late[0])
     assert (rig.robot.heard.commands, rig.robot.heard.expired) == (2, 1)
+
+
+@pytest.mark.parametrize("delay_s", [0.01, 0.03, 0.06])
+def test_a_delay_that_was_measured_is_no_reason_to_refuse_commands(delay_s: float) -> None:
+    rig = Rig(needed=())
+    rig.bus.delay_s = delay_s
+    rig.sleep(0.3)
+    assert rig.cell.probe() == pytest.approx(2 * delay_s)
+    ran = rig.drive(Line(TARGETS), limit_s=3.0)
+    rig.sleep(0.3)
+    assert (ran.faulty, ran.steps) == (False, 60), ran.reason
+    assert (rig.robot.heard.commands, rig.robot.heard.expired) == (60, 0)
+    assert rig.robot.environment.measure().joints == pytest.approx(TARGETS, abs=3e-3)
+
+
+def test_a_robot_that_refuses_all_commands_is_told_to_not_follow() -> None:
+    rig = Rig(needed=())
+    rig.bus.delay_s = 0.03
+    rig.sleep(0.3)
+    ran = rig.drive(Line(TARGETS), limit_s=10.0)
+    rig.sleep(0.1)
+    assert ran.reason.startswith("the guard stopped the robot: the robot does not follow: z did not move in 1 s")
+    assert rig.robot.heard.expired == rig.robot.heard.commands == ran.steps < 60
+    held(rig)
+
+
+def test_an_arm_that_is_blocked_is_told_once_its_targets_are_far_beyond() -> None:
+    rig = Rig(needed=())
+    told = rig.robot._joints.state
+    stops = np.array([0.08, np.inf, np.inf, np.inf, np.inf])
+    rig.robot._joints.state = lambda stamp, places: told(stamp, np.minimum(places, stops))  # type: ignore[method-assign]
+    near = rig.drive(Line(np.array([0.2, -0.05, 0.05, 0.04, 0.04])), limit_s=6.0)
+    assert not near.faulty, near.reason
+    far = rig.drive(Line(np.array([0.4, -0.05, 0.05, 0.04, 0.04])), limit_s=6.0)
+    assert "the robot does not follow: x did not move in 1 s" in far.reason

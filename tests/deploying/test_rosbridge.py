@@ -101,6 +101,9 @@ def test_a_node_of_ros_2_behind_a_server_is_heard_and_hears(tmp_path: Path) -> N
         transport.subscribe(PICTURES, lambda message, at: pictures.append(message))
         until(lambda: len(states) > 50 and len(pictures) > 5, 20)
         until(lambda: _moved(transport, commands, numbers, states), 15)
+        measured = transport.round_trip_s()
+        assert measured is not None
+        assert 0.0 < measured < 0.5
         transport.publish(STATUS, messages.text("stopped: over"))
         count = len(states)
         until(lambda: len(states) > count + 20)

@@ -129,13 +129,31 @@ def test_after_a_clock_was_set_frames_begin_anew(clock_s: float) -> None:
     assert [shown(), shown()] == [True, True]
 
 
-@pytest.mark.parametrize("kind", ["nan", "joint_renamed"])
-def test_joint_states_that_cannot_be_used_end_the_tracker(kind: FaultKind) -> None:
+def test_joint_states_that_cannot_be_used_end_the_tracker() -> None:
     rig, _, looking = watching()
-    rig.robot._simulation, rig.robot._moving_since = Simulation(faults=(Fault(kind, at_s=0.05),)), 0
+    rig.robot._simulation, rig.robot._moving_since = Simulation(faults=(Fault("nan", at_s=0.05),)), 0
     rig.sleep(0.2)
     with pytest.raises(MachineError, match=r"a message of `/joint_states` cannot be used"):
         looking.frame()
+
+
+@pytest.mark.parametrize("kind", ["joint_renamed", "joint_states_stop"])
+def test_without_joint_states_there_are_no_frames(kind: FaultKind) -> None:
+    rig, camera, looking = watching()
+    camera.publish(*info(factories.camera(64, 48)))
+    rig.robot._simulation, rig.robot._moving_since = Simulation(faults=(Fault(kind, at_s=0.0),)), 0
+    rig.sleep(0.2)
+    publish(rig, camera, (48, 64))
+    assert "/joint_states" in looking.missing()[0]
+    assert looking.frame() is None
+    rig.robot._simulation = Simulation()
+    rig.sleep(0.1)
+    publish(rig, camera, (48, 64))
+    assert looking.frame() is not None
+    rig.robot._simulation = Simulation(faults=(Fault(kind, at_s=0.0),))
+    rig.sleep(0.3)
+    publish(rig, camera, (48, 64))
+    assert looking.frame() is None
 
 
 def test_a_picture_with_another_size_than_the_intrinsics_is_refused() -> None:

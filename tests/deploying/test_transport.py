@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -14,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.deploying import loopback
+from dextera_build.deploying import delay, loopback
 from dextera_build.deploying.topics import STATUS
 from dextera_build.deploying.transport import SENSOR, Endpoint, Quality, Topic, Transport
 from dextera_build.errors import MachineError
@@ -84,6 +85,55 @@ def test_a_large_picture_costs_a_copy(both: tuple[Transport, Transport]) -> None
     assert got[0][: len(picture)] == picture
     # Packed value by value it would take 100 ms; the threads of DDS count, too.
     assert time.process_time() - began < 1.0
+
+
+def test_the_time_to_the_other_program_and_back_is_measured(both: tuple[Transport, Transport]) -> None:
+    measured = both[1].round_trip_s()
+    assert measured is not None
+    assert 0.0 <= measured < 0.5
+
+
+def test_a_machine_that_answers_on_no_port_has_no_known_delay(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+    monkeypatch.setattr(delay, "answered_s", lambda address, port: asked.append(port))
+    assert delay.round_trip_s("127.0.0.1") is None
+    assert asked == list(delay.PORTS)
+    answers = iter([0.4, 0.03, 0.02, None, 0.01, 0.02])
+    monkeypatch.setattr(delay, "answered_s", lambda address, port: next(answers))
+    assert delay.round_trip_s("127.0.0.1") == 0.02
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lifespan_s", [None, 0.05])
+def test_a_command_without_a_stamp_is_not_sent_again_after_its_time(lifespan_s: float | None) -> None:
+    pytest.importorskip("cyclonedds", reason="needs cyclonedds (extra `ros`)")
+    from dextera_build.deploying.dds import Dds
+
+    words = (sys.executable, "-m", "tests.deploying.frozen_reader", str(DOMAIN + 100), "8")
+    reader = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+    assert reader.stdout is not None
+    assert reader.stdout.readline() == "ready\n"
+    sender = Dds(domain=DOMAIN + 100)
+    topic = Topic("/numbers", "std_msgs/Float64MultiArray", Quality(lifespan_s=lifespan_s))
+    sender.offer(topic)
+    until(lambda: any(each.topic == topic.name for each in sender.others()))
+    time.sleep(0.5)
+    for number in range(20):
+        if number == 10:
+            reader.send_signal(signal.SIGSTOP)
+        sender.publish(topic, messages.numbers("a" * 150, np.full(150, float(number))))
+        time.sleep(0.05)
+    time.sleep(1.0)
+    again = time.time_ns()
+    reader.send_signal(signal.SIGCONT)
+    got = [each.split(":") for each in reader.communicate(timeout=30)[0].split()]
+    sender.close()
+    late = [number for at, number in got if int(at) > again]
+    assert len(got) - len(late) >= 3  # the small buffer loses some
+    if lifespan_s is None:
+        assert len(late) >= 6
+    else:
+        assert len(late) <= 3  # what had arrived in the buffer
 
 
 def test_others_are_discovered_with_type_hash_and_quality(both: tuple[Transport, Transport]) -> None:

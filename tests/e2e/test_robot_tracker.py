@@ -140,7 +140,7 @@ def test_a_process_that_is_killed_leaves_the_robot_held_and_no_tracker(space: Sp
     if killed == "tracker":
         told = documents.read(out)
         assert run.returncode == 1, err
-        assert told["reason"] == "the guard stopped the robot: no frame arrived for more than 0.5 s"
+        assert told["reason"] == ("the guard stopped the robot: no frame arrived for more than 0.5 s on /tf of case")
         assert heard["commands"] == told["steps"]
 
 

@@ -22,6 +22,14 @@ def guard(**limits: object) -> Guard:
     return made
 
 
+def test_of_two_limits_the_stricter_is_kept() -> None:
+    one = Limits(speed=0.5, silence_s=0.5, workspace_m=((-1, -1, 0), (1, 1, 1)))
+    other = Limits(speed=0.2, force_n=9.0, workspace_m=((-2, 0, 0), (0.5, 1, 2)))
+    both = Limits(speed=0.2, force_n=9.0, silence_s=0.5, workspace_m=((-1, 0, 0), (0.5, 1, 1)))
+    assert one.stricter(other) == other.stricter(one) == both
+    assert one.stricter(Limits()) == one
+
+
 @pytest.mark.parametrize("speed", [1.0, 0.25])
 def test_targets_are_cut_to_range_and_speed(speed):
     made = guard(speed=speed)

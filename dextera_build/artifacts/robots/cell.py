@@ -29,6 +29,23 @@ class Limits(Value):
     silence_s: float = 1.0
     """Time without a camera frame after which the robot is stopped [s]."""
 
+    def stricter(self, other: Limits) -> Limits:
+        """The limits that keep both."""
+        forces = [each.force_n for each in (self, other) if each.force_n is not None]
+        spaces = [np.array(each.workspace_m) for each in (self, other) if each.workspace_m is not None]
+        low, high = ([space[row] for space in spaces] for row in (0, 1))
+        return Limits(
+            speed=min(self.speed, other.speed),
+            workspace_m=(_corner(np.max(low, axis=0)), _corner(np.min(high, axis=0))) if spaces else None,
+            force_n=min(forces) if forces else None,
+            silence_s=min(self.silence_s, other.silence_s),
+        )
+
+
+def _corner(place: np.ndarray) -> Corner:
+    x, y, z = (float(each) for each in place)
+    return x, y, z
+
 
 class Cell(Artifact):
     """A simulated measurement setup like that of hardware: one RGB-D camera, and a tracker of the assets.

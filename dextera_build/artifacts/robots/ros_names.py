@@ -24,8 +24,8 @@ class Controller(Value):
 class RosNames(Artifact):
     """Names that a robot uses in ROS 2; an empty name stands for the one of the declared term."""
 
-    joint_states: str = ""
-    """Topic of `sensor_msgs/JointState`."""
+    joint_states: str | tuple[str, ...] = ""
+    """Topic of `sensor_msgs/JointState`, or topics, if several drivers publish those of their own joints."""
     joints: dict[str, str] = Field(default_factory=dict)
     """Joint of the robot model -> its name in messages, if it has another one there."""
     flipped: tuple[str, ...] = ()

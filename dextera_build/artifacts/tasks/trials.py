@@ -52,7 +52,8 @@ class Trial(Value):
     """One attempt from one start."""
 
     seed: int
-    """Seed of the start; the same seed means the same start for every policy in a world."""
+    """Seed of the start; the same seed means the same start for every policy in a world. Of a run on a robot, whose
+    start has none, a number of its recording."""
     start: str
     """Digest of the start: positions, joint targets and dynamics."""
     success: bool

@@ -6,7 +6,7 @@ import argparse
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from dextera_build.cli import built, options, table
 
 if TYPE_CHECKING:
+    from dextera_build.artifacts.robots.cell import Limits
     from dextera_build.artifacts.tasks.task import TaskBundle, View
     from dextera_build.deploying.bag import Bag
     from dextera_build.deploying.cell import RosCell
@@ -26,6 +27,9 @@ CAMERA = "workspace"
 TRANSPORTS = ("dds", "zenoh", "rosbridge")
 ANYWHERE = "0.0.0.0"
 """Where a simulated robot that others read listens as a router."""
+
+MOST_LIMIT_S = 86400.0
+"""Longest run or recording, a day [s]."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -78,6 +82,13 @@ def opened(args: argparse.Namespace) -> Connected:
     return Connected(session, bundle, topics.of_robot(bundle.robot, names, (args.camera,) if view else ()), view)
 
 
+def kept(args: argparse.Namespace, limits: Limits) -> Limits:
+    """Limits with those of the cell that the arguments state, whichever are stricter."""
+    from dextera_build.artifacts.robots.cell import Cell
+
+    return limits.stricter(built.artifact(args, args.cell, Cell).limits) if args.cell else limits
+
+
 def watched(args: argparse.Namespace, here: Connected) -> Topics:
     """Topics of the robot with those of its camera, whether or not a policy takes pictures."""
     from dextera_build.deploying import topics
@@ -125,8 +136,10 @@ def shown(checks: tuple[Check, ...]) -> list[dict[str, Any]]:
     return [{"check": each.what, "ok": each.ok, "found": each.found, "mend": each.mend or None} for each in checks]
 
 
-def refuse(args: argparse.Namespace, here: Connected, transport: Transport, cell: RosCell) -> None:
-    """Check a robot before its run.
+def refuse(
+    args: argparse.Namespace, here: Connected, transport: Transport, cell: RosCell, *, commands: bool = True
+) -> None:
+    """Check a robot before its run; `commands`: whether it is dxb that commands it.
 
     Raises:
         MachineError: A check failed.
@@ -134,7 +147,7 @@ def refuse(args: argparse.Namespace, here: Connected, transport: Transport, cell
     from dextera_build.deploying.checkup import checkup
     from dextera_build.errors import MachineError
 
-    checks = checkup(transport, here.topics, cell, here.bundle.robot, time.sleep)
+    checks = checkup(transport, here.topics, cell, here.bundle.robot, time.sleep, commands=commands)
     failed = [each for each in checks if not each.ok]
     if failed:
         raise MachineError(
@@ -147,19 +160,22 @@ def refuse(args: argparse.Namespace, here: Connected, transport: Transport, cell
 
 @contextmanager
 def recorded(args: argparse.Namespace, out: Path) -> Iterator[tuple[Transport, Bag]]:
-    """The robot's DDS domain and a recording, both closed at the end; a robot that is not ready leaves no recording."""
-    from dextera_build.deploying.bag import Bag
-    from dextera_build.errors import MachineError
+    """The robot's transport and a new recording, both closed at the end; a run that fails before it begins leaves none.
 
-    robot, bag = transport(args, (args.robot,)), Bag.create(out)
+    Raises:
+        UsageError: There is such a recording, or it cannot be written.
+        MachineError: The network cannot be used.
+    """
+    from dextera_build.deploying.bag import Bag
+
+    bag = Bag.create(out)
     try:
-        yield robot, bag
-    except MachineError:
-        out.unlink()
+        with closing(bag), closing(transport(args, (args.robot,))) as robot:
+            yield robot, bag
+    except BaseException:
+        if not bag.periods:
+            out.unlink()
         raise
-    finally:
-        robot.close()
-        bag.close()
 
 
 def judged(args: argparse.Namespace, bag: Bag, told: dict[str, Any], success: bool | None) -> None:
@@ -191,6 +207,20 @@ def recording_arguments(parser: argparse.ArgumentParser, folder: str) -> None:
     parser.add_argument("--out", metavar="FILE", help=f"the recording to write, .mcap ({folder}/TASK-TIME.mcap)")
 
 
+def limit_argument(parser: argparse.ArgumentParser, what: str) -> None:
+    """Add the time limit of what is recorded."""
+    read = options.number("--limit", 0.0, MOST_LIMIT_S, above=True)
+    parser.add_argument("--limit", type=read, metavar="S", help=f"longest {what} in seconds (of the task)")
+
+
 def recording(args: argparse.Namespace, here: Connected, folder: str) -> Path:
-    """The recording to write."""
-    return Path(args.out or time.strftime(f"{folder}/{here.bundle.task.name}-%Y%m%d-%H%M%S.mcap"))
+    """The recording to write.
+
+    Raises:
+        UsageError: There is one, or it cannot be written.
+    """
+    from dextera_build.formats.ros.recording import check_new
+
+    out = Path(args.out or time.strftime(f"{folder}/{here.bundle.task.name}-%Y%m%d-%H%M%S.mcap"))
+    check_new(out)
+    return out

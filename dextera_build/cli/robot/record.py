@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from dextera_build.cli.robot import beside, connected
@@ -16,6 +17,8 @@ NEEDED = ("objects", "displacement")
 """What an episode holds besides the robot's joints."""
 LOOK_S = 0.02
 """Time between two looks for the first command [s]."""
+TELL_S = 5.0
+"""Time after which it is told which joints lack a command [s]."""
 
 
 def run(args: argparse.Namespace) -> int:
@@ -28,9 +31,10 @@ def run(args: argparse.Namespace) -> int:
     here = connected.opened(args)
     out = connected.recording(args, here, "recordings")
     with beside.tracker(args), connected.recorded(args, out) as (transport, bag):
-        cell = RosCell(transport, here.topics, here.bundle, NEEDED, bag=bag)
+        # Pictures of a camera that stops are no pictures of the demonstration.
+        cell = RosCell(transport, here.topics, here.bundle, (*NEEDED, *(("rgb",) if here.view else ())), bag=bag)
         made = Demonstration(transport, here.topics, here.bundle, cell, bag)
-        connected.refuse(args, here, transport, cell)
+        connected.refuse(args, here, transport, cell, commands=False)
         bag.describe(here.bundle, time.time_ns())
         about = {"policy": "", "algorithm": "", "origin": "operator"}
         bag.state(ABOUT, time.time_ns(), facts(cell, here.bundle) | about)
@@ -42,6 +46,18 @@ def run(args: argparse.Namespace) -> int:
     return 1 if faulty else 0
 
 
+def _await_commands(
+    made: Demonstration, sleep: Callable[[float], None] = time.sleep, now: Callable[[], float] = time.monotonic
+) -> None:
+    """Wait until every joint was commanded, and tell which one was not."""
+    told, due = "", now() + TELL_S
+    while not made.commanded:
+        if now() > due and (waits := made.waits_for()) != told:
+            told, due = waits, now() + TELL_S
+            print(f"no command yet for {told}", file=sys.stderr, flush=True)
+        sleep(LOOK_S)
+
+
 def _recorded(made: Demonstration, rate_hz: float, limit_s: float) -> tuple[str, bool]:
     """Record in real time from the first command on; why it ended, and whether that was a fault."""
     from dextera_build.deploying.driving import DONE, LATE
@@ -49,8 +65,7 @@ def _recorded(made: Demonstration, rate_hz: float, limit_s: float) -> tuple[str,
 
     print("waiting for the first command; press Ctrl-C to end", file=sys.stderr, flush=True)
     try:
-        while not made.commanded:
-            time.sleep(LOOK_S)
+        _await_commands(made)
         made.begin()
         due = time.monotonic()
         while not made.success and made.steps < limit_s * rate_hz:

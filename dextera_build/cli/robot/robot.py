@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import time
 
-from dextera_build.cli import table
+from dextera_build.cli import options, table
 from dextera_build.cli.robot import beside, connected, record, simulate, track
 
 _ACTIONS = {
@@ -14,6 +14,9 @@ _ACTIONS = {
     "record": "record a demonstration that another program commands; nothing is sent",
     "simulate": "put a task's world behind the topics of a robot, in real time, for trying without one",
 }
+
+MOST_LISTEN_S = 600.0
+"""Longest time for which the checks listen [s]."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,10 +32,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
             track.cell_arguments(sub)
         if name == "doctor":
             sub.add_argument("--robot", metavar="HOST", default="127.0.0.1", help="address of the robot (127.0.0.1)")
-            sub.add_argument("--listen", type=float, default=3.0, metavar="S", help="time to listen in seconds (3)")
+            read = options.number("--listen", 0.0, MOST_LISTEN_S, above=True)
+            sub.add_argument("--listen", type=read, default=3.0, metavar="S", help="time to listen in seconds (3)")
         elif name == "record":
             connected.recording_arguments(sub, "recordings")
-            sub.add_argument("--limit", type=float, metavar="S", help="longest recording in seconds (of the task)")
+            connected.limit_argument(sub, "recording")
         else:
             simulate.arguments(sub)
 
@@ -44,15 +48,16 @@ def run(args: argparse.Namespace) -> int:
 
 def _doctor(args: argparse.Namespace) -> int:
     """Print each check with what mends it; exit with 1 if one failed."""
-    from dextera_build.deploying.cell import RosCell
+    from dextera_build.deploying.cell import GUARDED, RosCell, Safety
     from dextera_build.deploying.checkup import checkup
 
     here = connected.opened(args)
     needed = [*(("rgb",) if here.view else ()), *(record.NEEDED if args.cell else ())]
+    safety = Safety(limits=connected.kept(args, GUARDED))
     with beside.tracker(args):
         transport = connected.transport(args, (args.robot,))
         try:
-            cell = RosCell(transport, here.topics, here.bundle, needed)
+            cell = RosCell(transport, here.topics, here.bundle, needed, safety)
             checks = checkup(transport, here.topics, cell, here.bundle.robot, time.sleep, args.listen)
         finally:
             transport.close()

@@ -8,6 +8,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from dextera_build.cli import options
 from dextera_build.cli.robot import acting, beside, connected, stopping, track
 
 if TYPE_CHECKING:
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
     from dextera_build.policy.added import AddedTerm
     from dextera_build.policy.running import Policy
 
+MOST_RAMP_S = 60.0
+"""Longest ramp [s]."""
+
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
@@ -25,11 +29,20 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     acting.arguments(parser)
     track.cell_arguments(parser)
     connected.recording_arguments(parser, "runs")
-    parser.add_argument("--limit", type=float, metavar="S", help="longest run in seconds (of the task)")
+    connected.limit_argument(parser, "run")
     parser.add_argument(
-        "--speed", type=float, default=0.5, help="fraction of the joints' speed limits, above 0 to 1 (0.5)"
+        "--speed",
+        type=options.number("--speed", 0.0, 1.0, above=True),
+        default=0.5,
+        help="fraction of the joints' speed limits, above 0 to 1 (0.5)",
     )
-    parser.add_argument("--ramp", type=float, default=1.5, metavar="S", help="time until that speed is allowed (1.5)")
+    parser.add_argument(
+        "--ramp",
+        type=options.number("--ramp", 0.0, MOST_RAMP_S),
+        default=1.5,
+        metavar="S",
+        help="time until that speed is allowed (1.5)",
+    )
     parser.add_argument(
         "--pedal",
         metavar="DEVICE",
@@ -69,22 +82,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _safety(args: argparse.Namespace) -> Safety:
-    """The limits that the arguments state.
-
-    Raises:
-        UsageError: A limit is out of range.
-    """
+    """The limits that the arguments and the cell state."""
     from dextera_build.deploying.cell import GUARDED, Safety
-    from dextera_build.errors import UsageError
 
-    if not 0.0 < args.speed <= 1.0 or args.ramp < 0:
-        raise UsageError(
-            "`--speed` is above 0 and at most 1, and `--ramp` is not negative",
-            code="DXB-U347",
-            facts={"speed": args.speed, "ramp": args.ramp},
-            hint="`--speed 0.5 --ramp 1.5`",
-        )
-    return Safety(limits=GUARDED.model_copy(update={"speed": args.speed}), ramp_s=args.ramp)
+    limits = GUARDED.model_copy(update={"speed": args.speed})
+    return Safety(limits=connected.kept(args, limits), ramp_s=args.ramp)
 
 
 def _driven(

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from dextera_build.cli import built, table
+from dextera_build.cli import built, options, table
 from dextera_build.cli.robot import connected
 
 if TYPE_CHECKING:
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
     Look = Callable[[], Frame] | None
 
+MOST_CLOCK_S = 1e6
+"""Most by which the clock of the stamps may be off [s]."""
 LATE_S = 0.5
 """Time by which a simulation may be late before it starts anew from the present time [s]."""
 
@@ -37,11 +39,24 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="RECIPE:NODE",
         help="show pictures and depth of the camera of simulate.cell, with its noise, and publish no poses of objects",
     )
-    parser.add_argument("--seconds", type=float, default=float("inf"), metavar="S", help="end after this time")
+    number, endless = options.number, float("inf")
+    parser.add_argument(
+        "--seconds", type=number("--seconds", 0.0, endless), default=endless, metavar="S", help="end after this time"
+    )
     parser.add_argument("--seed", type=int, default=0, help="seed of the start and of losses (0)")
-    parser.add_argument("--delay", type=float, default=0.0, metavar="S", help="delay of commands in seconds (0)")
-    parser.add_argument("--loss", type=float, default=0.02, help="fraction of lost pictures and poses (0.02)")
-    parser.add_argument("--clock", type=float, default=0.0, metavar="S", help="seconds by which the clock is ahead (0)")
+    parser.add_argument(
+        "--delay", type=number("--delay", 0.0, 60.0), default=0.0, metavar="S", help="delay of commands in seconds (0)"
+    )
+    parser.add_argument(
+        "--loss", type=number("--loss", 0.0, 1.0), default=0.02, help="fraction of lost pictures and poses (0.02)"
+    )
+    parser.add_argument(
+        "--clock",
+        type=number("--clock", -MOST_CLOCK_S, MOST_CLOCK_S),
+        default=0.0,
+        metavar="S",
+        help="seconds by which the clock is ahead (0)",
+    )
     parser.add_argument(
         "--fault",
         metavar="KIND@S",
@@ -158,8 +173,9 @@ def _fault(text: str) -> Fault:
     at, _, lasts = when.partition(":")
     try:
         known = next(each for each in FAULTS if each == kind)
-        return Fault(known, float(at), float(lasts or "inf"))
-    except (StopIteration, ValueError):
+        read = options.number("--fault", 0.0, float("inf"))
+        return Fault(known, read(at), read(lasts or "inf"))
+    except (StopIteration, UsageError):
         raise UsageError(
             f"`--fault {text}` is no KIND@S",
             code="DXB-U346",

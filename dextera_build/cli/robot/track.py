@@ -9,7 +9,7 @@ import sys
 import time
 from typing import TYPE_CHECKING, Any
 
-from dextera_build.cli import built, table
+from dextera_build.cli import built, options, table
 from dextera_build.cli.robot import connected
 
 if TYPE_CHECKING:
@@ -34,7 +34,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     cell_arguments(parser)
     parser.add_argument("--parent", type=int, metavar="PID", help=argparse.SUPPRESS)
     parser.add_argument("--robot", metavar="HOST", default="127.0.0.1", help="address of the robot (127.0.0.1)")
-    parser.add_argument("--seconds", type=float, default=float("inf"), metavar="S", help="end after this time")
+    read = options.number("--seconds", 0.0, float("inf"))
+    parser.add_argument("--seconds", type=read, default=float("inf"), metavar="S", help="end after this time")
 
 
 def cell_arguments(parser: argparse.ArgumentParser) -> None:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import io
 import json
+import tempfile
 from collections.abc import Mapping
+from pathlib import Path
 from types import TracebackType
 from typing import IO, Literal, Self
 
 import numpy as np
 
+from dextera_build.errors import UsageError
 from dextera_build.formats.ros import types
 
 _FOREVER = "{sec: 9223372036, nsec: 854775807}"
@@ -18,6 +21,33 @@ LATCHED = (
     f"deadline: {_FOREVER}, lifespan: {_FOREVER}, liveliness_lease_duration: {_FOREVER}}}"
 )
 """Quality of service of one-time messages: reliable and transient local, for late subscribers."""
+
+
+def check_new(path: Path) -> None:
+    """Check that a recording can be written; its folder is made.
+
+    Raises:
+        UsageError: It does not end in `.mcap`, it exists, or its folder cannot be written.
+    """
+    if path.suffix != ".mcap":
+        raise UsageError(f"`{path}` does not end in .mcap", code="DXB-U335", hint="`--out recordings/mine.mcap`")
+    if path.exists():
+        raise UsageError(
+            f"`{path}` exists",
+            code="DXB-U330",
+            hint=f"`--out {path.with_stem(path.stem + '_2')}`, or move it away",
+        )
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise UsageError(
+            f"recordings cannot be written to `{path.parent}`",
+            code="DXB-U349",
+            facts={"system": error.strerror or str(error)},
+            hint="name another folder by `--out FOLDER/NAME.mcap`",
+        ) from None
 
 
 class Recording:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from dextera_build import digest
 from dextera_build.artifacts.tasks.episode import Episode, Start
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.artifacts.tasks.trials import Attempt, Verdicts
@@ -16,13 +17,14 @@ from dextera_build.policy.observation import Measurement, in_worlds
 from dextera_build.policy.robot_run import RobotRun
 from dextera_build.sim.primitives import catalogue
 from dextera_build.sim.runtime.measured_state import MeasuredState
+from dextera_build.sim.runtime.seeds import seed_of
 
 UNSEEN = "the objects were not measured at all times"
 UNMOVED = "nothing was sent"
 OVERRULED = "the operator saw that it failed"
 
 
-def attempt(bundle: TaskBundle, run: RobotRun, number: int) -> Attempt:
+def attempt(bundle: TaskBundle, run: RobotRun) -> Attempt:
     """The attempt that a run was; one in which nothing was sent, or objects were not measured, is excluded.
 
     The start is the first measurement in the twin's model: dynamics of the robot and of objects are not known, so that
@@ -31,8 +33,8 @@ def attempt(bundle: TaskBundle, run: RobotRun, number: int) -> Attempt:
     Args:
         bundle: The task in the twin.
         run: Its recording.
-        number: Taken as the seed of the start, because a robot's start has none.
     """
+    number = seed(run)
     if not len(run.sent) or not run.complete:
         return Attempt(seed=number, excluded=UNSEEN if len(run.sent) else UNMOVED)
     mirror = MeasuredState(bundle, staged=True)
@@ -45,6 +47,13 @@ def attempt(bundle: TaskBundle, run: RobotRun, number: int) -> Attempt:
     )
     placed = run.measured[0].objects.astype(np.float32)
     return Attempt(seed=number, episode=episode, placed=placed, stage=mirror.stage, verdicts=verdicts)
+
+
+def seed(run: RobotRun) -> int:
+    """What stands for the seed of the start, which a robot's has not: every recording has another one."""
+    parts = (run.times, *(each.joints for each in run.measured), run.requested)
+    numbers = b"".join(np.ascontiguousarray(each).tobytes() for each in parts)
+    return seed_of("robot", digest.of_value(dict(run.about)), digest.of_bytes(numbers))
 
 
 def judged(mirror: MeasuredState, run: RobotRun, rate_hz: float) -> bool:

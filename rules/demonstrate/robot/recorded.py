@@ -25,7 +25,7 @@ class RecordedBackend(Protocol):
         ...
 
 
-@rule(version=1, packages=("numpy", "mcap", "mcap-ros2-support"), runs={"bundle": "primitive"})
+@rule(version=2, packages=("numpy", "mcap", "mcap-ros2-support"), runs={"bundle": "primitive"})
 def recorded(ctx: Context[RecordedBackend], bundle: TaskBundle, runs: File | Folder) -> Episodes:
     """Return the episodes in recordings of `dxb robot record` and `dxb run`, in the robot's base frame [m, rad].
 

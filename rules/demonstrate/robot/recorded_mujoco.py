@@ -17,5 +17,5 @@ def episodes(
     ctx: Context, bundle: TaskBundle, runs: Mapping[str, RobotRun], options: Options
 ) -> dict[str, Episode | str]:
     """Name of each run -> its episode, or why it is none."""
-    made = {name: measured_run.attempt(bundle, run, number) for number, (name, run) in enumerate(runs.items())}
+    made = {name: measured_run.attempt(bundle, run) for name, run in runs.items()}
     return {name: each.episode or each.excluded for name, each in made.items()}

@@ -26,8 +26,8 @@ class ControllerOptions(Options):
 class RosNamesOptions(Options):
     """Options of simulate.ros_names; an empty topic is the one of the declared term."""
 
-    joint_states: str = ""
-    """Topic of JointState."""
+    joint_states: str | tuple[str, ...] = ""
+    """Topic of JointState, or topics, if several drivers publish those of their own joints."""
     joints: dict[str, str] = Field(default_factory=dict)
     """Joint of the robot model -> its name in messages, if it has another one there."""
     flipped: tuple[str, ...] = ()

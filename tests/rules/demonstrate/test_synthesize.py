@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.tasks.episode import Episodes, Shard
+from dextera_build.artifacts.tasks.episode import Episode, Episodes, Shard
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.sim.control.ik import ArmKinematics
+from dextera_build.sim.experts import synthesis
 from dextera_build.sim.experts.filters import SYNTHESIS
 from dextera_build.testing import RuleRunner
 from rules.demonstrate.synthesize import SynthesizeOptions
@@ -74,6 +75,22 @@ def test_a_wall_in_the_way_is_a_counted_reason_and_attempts_are_capped(tmp_path:
         synthesised(tmp_path, blocked, sources, 2, tries=2)
     assert caught.value.facts["attempts"] == "4"
     assert caught.value.facts["reasons"] == "4 x touched `wall` in `approach`"
+
+
+def test_episodes_are_kept_when_the_attempts_are_used_up(
+    tmp_path: Path, bundle: TaskBundle, sources: Episodes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = next(iter(sources.items.values()))
+    every = iter([True, False, True, False, False, False])
+
+    def synthesise(*words: Any) -> Episode:
+        success = next(every)
+        return made.model_copy(update={"success": success, "reason": "" if success else "missed"})
+
+    monkeypatch.setattr(synthesis, "synthesise", synthesise)
+    found, runner = synthesised(tmp_path, bundle, sources, 3, tries=2)
+    assert (list(found.items), len(found.failures), found.attempts) == (["00000", "00001"], 4, 6)
+    assert runner.outcome.warnings == ["only 2 of 3 episodes came out: 4 x missed"]
 
 
 def test_attempts_without_inverse_kinematics_are_discarded_with_the_reason(

@@ -87,6 +87,31 @@ def test_episodes_are_what_was_measured_and_sent(tmp_path: Path) -> None:
 
 
 @pytest.mark.medium
+def test_episodes_of_two_days_are_gathered_and_their_trials_are_no_pairs(tmp_path: Path) -> None:
+    rig = RuleRunner(tmp_path)
+
+    def run(day: str) -> bytes:
+        return robots.recording(robots.Lifting((robots.OVER,)), operator=True, limit_s=0.5, world="real", day=day)
+
+    days = {
+        day: Folder(files={f"{day}_{number}.mcap": run(f"{day} {number}") for number in (1, 2)})
+        for day in ("mon", "tue")
+    }
+    sets = {day: rig.run("demonstrate.recorded", bundle=BUNDLE, runs=runs) for day, runs in days.items()}
+    again = rig.run("demonstrate.recorded", bundle=BUNDLE, runs=Folder(files={"copy.mcap": run("mon 1")}))
+    gathered = rig.run("demonstrate.gather", shards=Collection(items={**sets, "wed": again}))
+    assert isinstance(gathered, Episodes)
+    assert list(gathered.items) == ["mon_1", "mon_2", "tue_1", "tue_2"]
+    assert list(gathered.failures) == ["copy"]
+    tried = {
+        day: rig.run("evaluate.attempted", bundle=BUNDLE, runs=runs, options={"label": day})
+        for day, runs in days.items()
+    }
+    with pytest.raises(RuleError, match="no two sets of trials share a start"):
+        rig.run("evaluate.paired", trials=Collection(items=tried))
+
+
+@pytest.mark.medium
 def test_a_demonstration_that_another_program_commands_is_an_episode(tmp_path: Path) -> None:
     rig = RuleRunner(tmp_path)
     recording = File(data=robots.demonstration())
