@@ -15,7 +15,8 @@ class ImitationOptions(Options):
 
     inputs: tuple[str, ...] = ("joints", "objects", "displacement", "goal")
     """Input channels of the deployable observation; add `rgb` if a film is given, `depth` or `cloud` if it has depth,
-    and `world` to tell the policy which kind of world a sample of a mixture is from."""
+    and `world` to tell the policy which kind of world a sample of a mixture is from. Of several cameras, `rgb` are the
+    pictures of all, and `rgb/front` those of one."""
     objects: Literal["task", "all"] = "task"
     """Objects with poses and joints in the input: the task's object and those that its goal names (the container that
     it is put into), or all. Irrelevant objects can only mislead a policy trained on a hundred episodes."""

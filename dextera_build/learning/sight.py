@@ -1,4 +1,4 @@
-"""What a camera showed at the steps of demonstrations: the pictures, distances and points that a policy learns from."""
+"""What cameras showed at the steps of demonstrations: the pictures, distances and points that a policy learns from."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from dextera_build.policy import features
 
 @dataclass(frozen=True)
 class Sight:
-    """Frames of all steps."""
+    """Frames of one camera at all steps."""
 
     pictures: Frames
     """Colours (H, W, 3) uint8 sRGB."""
@@ -30,15 +30,13 @@ class Sight:
     """Number of the part of each step (N,)."""
 
     @classmethod
-    def of(cls, parts: Sequence[Part]) -> Self | None:
-        """What the films of the parts show; None without films."""
-        if any(part.film is None for part in parts):
-            return None
-        depths = [each for part in parts for each in part.depths]
+    def of(cls, parts: Sequence[Part], camera: str) -> Self:
+        """What the films of a camera show, of which every part has one."""
+        deep = all(camera in part.depths for part in parts)
         return cls(
-            Frames([each for part in parts for each in part.pixels]),
-            Frames(depths) if depths else None,
-            tuple(_rays(part) for part in parts) if depths else (),
+            Frames([each for part in parts for each in part.pixels[camera]]),
+            Frames([each for part in parts for each in part.depths[camera]]) if deep else None,
+            tuple(_rays(part, camera) for part in parts) if deep else (),
             np.repeat(np.arange(len(parts)), [sum(part.lengths) for part in parts]),
         )
 
@@ -81,7 +79,7 @@ class Sight:
         return np.asarray(counts[:, down, across, None] * step * rays)
 
 
-def _rays(part: Part) -> np.ndarray:
-    camera = part.film.camera if part.film else None
+def _rays(part: Part, name: str) -> np.ndarray:
+    camera = part.films[name].camera
     assert camera is not None
     return cameras.rays(camera.height, camera.width, camera.matrix()).astype(np.float32)

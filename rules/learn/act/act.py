@@ -31,7 +31,8 @@ def act(
     """Return a policy that imitates the episodes, trained with ACT on deployable observations.
 
     Of a mixture, every batch has exactly the numbers of samples that its weights say, and input `world` tells the
-    policy which world a sample is from; `films` are its pictures by label. `demonstrate.unpack` decodes films once.
+    policy which world a sample is from. `film` is what the only camera saw, `films` what several saw, by camera; of a
+    mixture they are by label, or by `LABEL.CAMERA`. `demonstrate.unpack` decodes films once.
     An interrupted training resumes and ends with the same weights.
     """
     if options.width % options.heads:

@@ -79,8 +79,7 @@ def test_what_is_learned_from_is_what_is_seen_at_run_time(name: str) -> None:
     prepared = prepare(BUNDLE, parts_of(data, filmed(data)), Selection(("joints", name)), algorithm="act", settings={})
     channel = prepared.contract.inputs[1]
     assert channel.shape == {"depth": (32, 48), "cloud": (32, 48, 3)}[name]
-    assert prepared.sight is not None
-    shown = prepared.sight.at(channel, np.array([8]))
+    shown = prepared.sight[PICTURE].at(channel, np.array([8]))
     seen = frame(depth_of(data.items["1"].objects[2, 0, :2]))
     given = features.measured(channel, np.asarray(getattr(seen, name))[None])
     np.testing.assert_allclose(shown, given, atol=1e-6)
