@@ -17,7 +17,7 @@ from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError, listing
 from dextera_build.policy import cameras
 from dextera_build.policy import contract as contracts
-from dextera_build.policy.observation import PICTURE
+from dextera_build.policy.cameras import PICTURE
 
 ALONE = ""
 """Label of the only part."""

@@ -13,8 +13,9 @@ from dextera_build.artifacts import base
 from dextera_build.artifacts.tasks.policy import Channel, Encoding
 from dextera_build.artifacts.tasks.task import View
 from dextera_build.errors import RuleError
-from dextera_build.policy.observation import PICTURE
 
+PICTURE = "workspace"
+"""Name of a single camera."""
 TERMS: dict[str, Encoding] = {"rgb": "picture", "depth": "depth", "cloud": "cloud"}
 """Terms that a camera gives -> their encodings."""
 NAME = re.compile(r"[a-z][a-z0-9_]*")

@@ -11,9 +11,9 @@ from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.errors import RuleError, listing
 from dextera_build.policy import cameras
+from dextera_build.policy.cameras import PICTURE
 from dextera_build.policy.declared import BY_NAME, DECLARED, HIDDEN, POSE
 from dextera_build.policy.layout import WORLD, Layout, of_bundle, of_episodes
-from dextera_build.policy.observation import PICTURE
 
 VECTORS = tuple(term.name for term in DECLARED if term.is_vector)
 """Vector channels of dxb, in the order of the networks' inputs."""

@@ -14,9 +14,9 @@ import numpy as np
 from dextera_build.artifacts.tasks.episode import DEPTH_STEP_M, Episode
 from dextera_build.artifacts.tasks.policy import SEEN, Channel
 from dextera_build.policy import cameras
+from dextera_build.policy.cameras import PICTURE
 from dextera_build.policy.declared import HIDDEN
 from dextera_build.policy.layout import Layout
-from dextera_build.policy.observation import PICTURE
 
 if TYPE_CHECKING:
     from dextera_build.policy.observation import DeployableObservation

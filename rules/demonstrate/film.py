@@ -9,7 +9,8 @@ from pydantic import PositiveInt
 
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
-from dextera_build.policy.observation import PICTURE, Frame
+from dextera_build.policy.cameras import PICTURE
+from dextera_build.policy.observation import Frame
 from dextera_build.rule import Context, Options, rule
 
 from .film_packing import film_of

@@ -9,7 +9,8 @@ import numpy as np
 
 from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.artifacts.tasks.task import TaskBundle, View
-from dextera_build.policy.observation import PICTURE, Frame
+from dextera_build.policy.cameras import PICTURE
+from dextera_build.policy.observation import Frame
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.observe import pictures
 from dextera_build.sim.runtime.environment import Environment

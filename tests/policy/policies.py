@@ -13,8 +13,8 @@ from dextera_build.code.companions import beside
 from dextera_build.code.loader import Library
 from dextera_build.policy import contract as contracts
 from dextera_build.policy import layout
-from dextera_build.policy.cameras import given
-from dextera_build.policy.observation import PICTURE, DeployableObservation, Frame, Measurement, deployable
+from dextera_build.policy.cameras import PICTURE, given
+from dextera_build.policy.observation import DeployableObservation, Frame, Measurement, deployable
 from dextera_build.policy.running import Policy
 from tests import episodes
 

@@ -77,7 +77,7 @@ def opened(args: argparse.Namespace) -> Connected:
     from dextera_build.artifacts.robots.ros_names import RosNames
     from dextera_build.artifacts.tasks.task import View
     from dextera_build.deploying import topics
-    from dextera_build.policy.observation import PICTURE
+    from dextera_build.policy.cameras import PICTURE
 
     session, node = options.session(args, args.target, last=True)
     verb = " ".join(filter(None, (args.verb, getattr(args, "what", ""))))

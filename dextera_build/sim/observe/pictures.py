@@ -10,7 +10,8 @@ import numpy as np
 
 from dextera_build.artifacts.tasks.episode import Episodes
 from dextera_build.artifacts.tasks.task import TaskBundle, View
-from dextera_build.policy.observation import PICTURE, Frame, Frames
+from dextera_build.policy.cameras import PICTURE
+from dextera_build.policy.observation import Frame, Frames
 from dextera_build.sim.observe.eyes import Eyes
 from dextera_build.sim.render.filming import Replica
 from dextera_build.sim.runtime import variations

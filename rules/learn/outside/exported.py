@@ -11,9 +11,8 @@ from dextera_build.artifacts.tasks.policy import Channel
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.errors import RuleError, listing
 from dextera_build.policy import contract as contracts
-from dextera_build.policy.cameras import Shown, given
+from dextera_build.policy.cameras import PICTURE, Shown, given
 from dextera_build.policy.layout import Layout, of_bundle
-from dextera_build.policy.observation import PICTURE
 from dextera_build.policy.terms import Term
 
 OBSERVED = "observation."

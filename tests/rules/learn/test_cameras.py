@@ -17,7 +17,8 @@ from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.errors import RuleError
 from dextera_build.learning.demonstrations import Selection, prepare
 from dextera_build.learning.parts import parts_of
-from dextera_build.policy.observation import PICTURE, Frame, Measurement, deployable
+from dextera_build.policy.cameras import PICTURE
+from dextera_build.policy.observation import Frame, Measurement, deployable
 from dextera_build.policy.running import PolicyFault
 from dextera_build.serving.served import Served, observations
 from dextera_build.testing import RuleRunner

@@ -19,7 +19,8 @@ from dextera_build.learning.eye import Cloud
 from dextera_build.learning.options import ImitationOptions
 from dextera_build.learning.parts import parts_of
 from dextera_build.policy import features
-from dextera_build.policy.observation import PICTURE, Frame, Measurement, deployable
+from dextera_build.policy.cameras import PICTURE
+from dextera_build.policy.observation import Frame, Measurement, deployable
 from dextera_build.policy.running import PolicyFault
 from dextera_build.serving.served import Served
 from dextera_build.testing import RuleRunner

@@ -7,8 +7,8 @@ import pytest
 
 from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.artifacts.tasks.task import Reset, TaskBundle, View
+from dextera_build.policy.cameras import PICTURE
 from dextera_build.policy.layout import embodiment
-from dextera_build.policy.observation import PICTURE
 from dextera_build.sim.observe import pictures
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.rollout import closed_loop

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.policy.observation import PICTURE, Frame
+from dextera_build.policy.cameras import PICTURE
+from dextera_build.policy.observation import Frame
 from dextera_build.policy.running import PolicyFault
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.rollout import closed_loop, open_loop
