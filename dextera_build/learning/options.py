@@ -44,6 +44,8 @@ class ImitationOptions(Options):
     """Maximum standard deviation of a random blur of images [px]."""
     grain: float = Field(0.0, ge=0.0)
     """Standard deviation of noise added to each pixel and colour of images, as a fraction of the range."""
+    swap: Fraction = 0.0
+    """Fraction of the samples whose background is replaced by a picture of `backdrop`; before all other changes."""
     reach_m: float = Field(3.0, gt=0.0)
     """Distance from the camera above which neither depth nor points are used [m]: walls and the floor behind a table
     would have most of the range of the inputs."""

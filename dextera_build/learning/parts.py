@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from dextera_build import digest
 from dextera_build.artifacts import base
+from dextera_build.artifacts.tasks.backdrop import Backdrop
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.mixture import Mixture
 from dextera_build.artifacts.tasks.pixels import Pixels
@@ -34,6 +35,8 @@ class Part:
     """Camera -> its pictures; the only camera is called `PICTURE`."""
     weight: int
     """Its samples in a batch, relative to the other parts."""
+    backdrops: Mapping[str, Backdrop] = field(default_factory=dict)
+    """Camera -> other backgrounds of its pictures."""
 
     @property
     def lengths(self) -> list[int]:
@@ -61,7 +64,8 @@ class Part:
         """The digest of its data."""
         films = {camera: film.encode(digest.of_bytes) for camera, film in sorted(self.films.items())}
         shown = films.get(PICTURE) if films.keys() <= {PICTURE} else films
-        return digest.of_value([self.episodes.encode(digest.of_bytes), shown])
+        behind = {camera: each.encode(digest.of_bytes) for camera, each in sorted(self.backdrops.items())}
+        return digest.of_value([self.episodes.encode(digest.of_bytes), shown, *([behind] if behind else [])])
 
 
 class Frames:

@@ -73,6 +73,20 @@ class Samples:
         places = self._places[chosen.to(self.device)] if self._places is not None else None
         return Batch(inputs, self._actions[acted.to(self.device)], keep.to(self.device), places)
 
+    def foreground(self, rows: np.ndarray) -> dict[str, Tensor]:
+        """Channel of pictures with other backgrounds -> pixels (N, H, W) bool of robot and objects.
+
+        N are the observed steps of rows (B,) int64, one sample after another.
+        """
+        seen, _ = self._steps(torch.from_numpy(rows), self.window.observed)
+        found = {}
+        for channel in self.data.contract.seen:
+            sight = self.data.sight[cameras.camera_of(channel.name)]
+            if channel.encoding == "picture" and sight.masks is not None:
+                masks = torch.from_numpy(sight.foreground(seen.flatten().numpy()))
+                found[channel.name] = masks.to(self.device)
+        return found
+
     def _steps(self, rows: Tensor, window: range) -> tuple[Tensor, Tensor]:
         """Rows (B, T) of the steps of a window, within the episode, and whether each was."""
         found = rows[:, None] + torch.arange(window.start, window.stop)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from dextera_build.artifacts.tasks.episode import Episodes, Film
+from dextera_build.artifacts.tasks.episode import Episode, Episodes, Film
 from dextera_build.artifacts.tasks.policy import Channel, Checkpoint
 from dextera_build.errors import RuleError
 from dextera_build.geometry import cameras
@@ -20,7 +20,7 @@ from dextera_build.learning.options import ImitationOptions
 from dextera_build.learning.parts import parts_of
 from dextera_build.policy import features
 from dextera_build.policy.cameras import PICTURE
-from dextera_build.policy.observation import Frame, Measurement, deployable
+from dextera_build.policy.observation import DeployableObservation, Frame, Measurement, deployable
 from dextera_build.policy.running import PolicyFault
 from dextera_build.serving.served import Served
 from dextera_build.testing import RuleRunner
@@ -69,9 +69,13 @@ def frame(depth: np.ndarray) -> Frame:
 
 def act(made: Checkpoint, seen: Frame) -> np.ndarray:
     """The first targets of a policy, without a pose of any object."""
-    policy, one = load(made, BUNDLE, VIEW), episodes.episode()
+    return load(made, BUNDLE, VIEW).act(observed(episodes.episode(), seen))
+
+
+def observed(one: Episode, seen: Frame) -> DeployableObservation:
+    """The first observation of an episode, without a pose of any object."""
     measured = Measurement(one.joints[0], np.full((2, 7), np.nan), np.full(1, np.nan), {PICTURE: seen})
-    return policy.act(deployable(measured, one.start.ctrl, one.goal))
+    return deployable(measured, one.start.ctrl, one.goal)
 
 
 @pytest.mark.parametrize("name", ["depth", "cloud"])
