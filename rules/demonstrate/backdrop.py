@@ -57,7 +57,7 @@ class BackdropBackend(Protocol):
         ...
 
 
-@rule(version=1, packages=("numpy",))
+@rule(version=1, packages=("numpy",), runs={"bundle": "primitive"})
 def backdrop(
     ctx: Context[BackdropBackend],
     bundle: TaskBundle,
