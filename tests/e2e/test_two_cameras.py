@@ -1,4 +1,4 @@
-"""A policy with two cameras from its recipe: filmed, trained, tried, served, and run on a robot over DDS."""
+"""A policy with two cameras from its recipe: filmed, trained before other backgrounds, tried, run on a robot."""
 
 from __future__ import annotations
 
@@ -31,6 +31,8 @@ nodes:
   above: {rule: demo.view, stored: $above_file}
   front_film: {rule: demonstrate.film, bundle: $task, episodes: $episodes, view: $front, camera: front}
   above_film: {rule: demonstrate.film, bundle: $task, episodes: $episodes, view: $above, camera: above}
+  front_backdrop:
+    {rule: demonstrate.backdrop, bundle: $task, episodes: $episodes, view: $front, camera: front, pictures: 4}
   above_pixels: {rule: demonstrate.unpack, film: $above_film}
   act:
     rule: learn.act
@@ -38,6 +40,8 @@ nodes:
     episodes: $episodes
     films: {front: $front_film, above: $above_pixels}
     inputs: [joints, rgb]
+    backdrops: {front: $front_backdrop}
+    swap: 0.3
     steps: 200
     batch: 16
     width: 32
