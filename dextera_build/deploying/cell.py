@@ -30,13 +30,14 @@ from dextera_build.errors import listing
 from dextera_build.formats.ros import images, messages
 from dextera_build.formats.ros.reading import SECOND
 from dextera_build.geometry import cameras
+from dextera_build.policy.cameras import TERMS, camera_of, term_of
 from dextera_build.policy.cell import Guard, Stopped
 from dextera_build.policy.observation import Frame, Frames, Measurement
 from dextera_build.policy.robot_run import REAL, REQUESTED, SENT
 from dextera_build.sim.runtime.measured_state import MeasuredState
 
 Sleep = Callable[[float], None]
-NEEDED = frozenset({"objects", "displacement", "rgb", "depth", "cloud"})
+NEEDED = frozenset({"objects", "displacement", *TERMS})
 """Terms that are read only for policies that take them; points are made of depth."""
 SAME = 1e-9
 """Difference of a target from the requested one that is rounding [rad or m]."""
@@ -73,11 +74,11 @@ class RosCell:
         transport: Carries the messages.
         topics: Topics of the robot.
         bundle: The task in the twin.
-        needed: Terms that the policy takes, of `NEEDED`.
+        needed: Channels that the policy takes, of `NEEDED`; of several cameras `rgb/front`, else `rgb` is of all.
         safety: Limits.
         bag: Recording; None: none.
         sleep: Waits [s].
-        camera: Intrinsics of the cameras of points.
+        lenses: Camera -> its intrinsics, for points.
     """
 
     def __init__(
@@ -89,10 +90,10 @@ class RosCell:
         safety: Safety = Safety(),
         bag: Bag | None = None,
         sleep: Sleep = time.sleep,
-        camera: Camera | None = None,
+        lenses: Mapping[str, Camera] | None = None,
     ) -> None:
         self._transport, self._topics, self._bundle, self._bag, self._sleep = transport, topics, bundle, bag, sleep
-        self._camera, self._rays = camera, np.zeros((0, 0, 3), np.float32)
+        self._lenses, self._rays = dict(lenses or {}), dict[str, np.ndarray]()
         self.safety = safety
         self._rows = {name: row for row, name in enumerate(bundle.objects)}
         self._joints = wire.Joints([joint.name for joint in bundle.robot.joints], topics)
@@ -126,7 +127,8 @@ class RosCell:
         """World of the robot: `real`, or the one that a simulated robot states."""
         self._frozen = {camera: Frozen(safety.limits.silence_s) for camera in topics.pictures}
         self.depths = {camera: Stream(topic.name, depth=4) for camera, topic in topics.depths.items()}
-        self._needed = {*needed, *(("depth",) if "cloud" in needed else ())} & NEEDED
+        self._looks = {(term, name) for each in needed for term, name in _looks(each, topics.pictures)}
+        self._needed = {term_of(each) for each in needed} & NEEDED
         if not bundle.displacement_names:
             self._needed.discard("displacement")
         self._listen()
@@ -260,7 +262,8 @@ class RosCell:
     def _cameras(self) -> list[tuple[str, str, Stream]]:
         """Term, camera and stream of what the policy needs of cameras."""
         every = (("rgb", self.pictures), ("depth", self.depths))
-        return [(term, name, each) for term, streams in every if term in self._needed for name, each in streams.items()]
+        streams = [(term, name, each) for term, found in every for name, each in found.items()]
+        return [each for each in streams if each[:2] in self._looks]
 
     def _listen(self) -> None:
         topics, subscribe = self._topics, self._transport.subscribe
@@ -273,7 +276,9 @@ class RosCell:
         subscribe(SIMULATED, self._stated)
         for camera, topic in topics.pictures.items():
             subscribe(topic, partial(self._shown, camera, topic))
-        for camera, topic in topics.depths.items() if "depth" in self._needed else ():
+        for camera, topic in topics.depths.items():
+            if ("depth", camera) not in self._looks:
+                continue
             subscribe(topic, partial(self._heard, topic, self.depths[camera], _whole))
 
     def _stated(self, message: bytes, arrived: int) -> None:
@@ -379,12 +384,27 @@ class RosCell:
         picture, measured = shown.get(("rgb", camera)), shown.get(("depth", camera))
         rgb = None if picture is None else images.pixels(picture.value, self._topics.pictures[camera].name)
         depth = None if measured is None else images.depths(measured.value, self._topics.depths[camera].name)
-        cloud = None
-        if depth is not None and self._camera is not None and "cloud" in self._needed:
-            if self._rays.shape[:2] != depth.shape:
-                self._rays = cameras.rays(depth.shape[0], depth.shape[1], self._camera.matrix()).astype(np.float32)
-            cloud = depth[..., None] * self._rays
-        return Frame(rgb, depth, cloud)
+        return Frame(rgb, depth, None if depth is None else self._cloud(camera, depth))
+
+    def _cloud(self, camera: str, depth: np.ndarray) -> np.ndarray | None:
+        """Points (H, W, 3) of a depth picture, if the policy takes them."""
+        lens = self._lenses.get(camera)
+        if lens is None or ("cloud", camera) not in self._looks:
+            return None
+        rays = self._rays.get(camera)
+        if rays is None or rays.shape[:2] != depth.shape:
+            rays = cameras.rays(depth.shape[0], depth.shape[1], lens.matrix()).astype(np.float32)
+            self._rays[camera] = rays
+        return np.asarray(depth[..., None] * rays)
+
+
+def _looks(channel: str, known: Collection[str]) -> list[tuple[str, str]]:
+    """Terms and cameras that a channel needs: points need depth, and without a name it is of all cameras."""
+    term = term_of(channel)
+    if term not in TERMS:
+        return []
+    names = [camera_of(channel)] if channel != term else [*known]
+    return [(each, name) for name in names for each in ((term, "depth") if term == "cloud" else (term,))]
 
 
 def _lasting(controller: Commanded, lifespan_s: float) -> Commanded:

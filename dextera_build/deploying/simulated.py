@@ -27,7 +27,7 @@ from dextera_build.formats.ros.recording import packed
 from dextera_build.policy import robot_run
 from dextera_build.policy.features import counts
 from dextera_build.policy.layout import of_bundle
-from dextera_build.policy.observation import Frame
+from dextera_build.policy.observation import Frames
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.runtime.environment import Environment
 
@@ -83,7 +83,7 @@ class SimulatedRobot:
         topics: Topics of the robot.
         environment: The world, in which an episode was begun.
         simulation: Sensors and network.
-        look: Gives the frame of the current state; None: there is no camera.
+        look: Gives the frames of the current state by the cameras of `topics`; None: there is no camera.
         camera: Its intrinsics, which are published with the pictures; None: they are not.
     """
 
@@ -93,7 +93,7 @@ class SimulatedRobot:
         topics: Topics,
         environment: Environment,
         simulation: Simulation = Simulation(),
-        look: Callable[[], Frame] | None = None,
+        look: Callable[[], Frames] | None = None,
         camera: Camera | None = None,
     ) -> None:
         self._transport, self._topics, self.environment = transport, topics, environment
@@ -110,8 +110,7 @@ class SimulatedRobot:
         self._plans = Plans(self._names, environment.previous_action)
         self._waiting: deque[tuple[int, Command]] = deque()
         self._states: deque[tuple[int, bytes]] = deque()
-        self._picture = b""
-        self._depth: np.ndarray | None = None
+        self._shown: dict[str, tuple[bytes, np.ndarray | None]] = {}
         self._ticks, self._moving_since = 0, -1
         self.heard = Heard()
         self.success = False
@@ -186,18 +185,18 @@ class SimulatedRobot:
                 self._transport.publish(offered(self._topics.displacement), inner)
         if self._look is None or self._faulty("pictures_stop"):
             return
-        if not (self._picture and self._faulty("pictures_freeze")):
-            frame = self._look()
-            self._picture, self._depth = packed(np.asarray(frame.rgb), "jpeg"), frame.depth
-        for camera, topic in self._topics.pictures.items():
-            self._transport.publish(topic, messages.compressed_image(stamp, camera, "jpeg", self._picture))
+        if not (self._shown and self._faulty("pictures_freeze")):
+            self._shown = {
+                name: (packed(np.asarray(frame.rgb), "jpeg"), frame.depth) for name, frame in self._look().items()
+            }
+        for camera, (picture, depth) in self._shown.items():
+            topic = self._topics.pictures[camera]
+            self._transport.publish(topic, messages.compressed_image(stamp, camera, "jpeg", picture))
             if self._camera is not None:
                 info = Topic(beside(topic.name), "sensor_msgs/CameraInfo", SENSOR)
                 self._transport.publish(info, messages.camera_info(stamp, camera, self._camera))
-        if self._depth is None:
-            return
-        for camera, topic in self._topics.depths.items():
-            self._transport.publish(topic, messages.depth_image(stamp, camera, counts(self._depth)))
+            if depth is not None:
+                self._transport.publish(self._topics.depths[camera], messages.depth_image(stamp, camera, counts(depth)))
 
     def _commanded(self, controller: Commanded, message: bytes, arrived: int) -> None:
         if self._faulty("cut"):

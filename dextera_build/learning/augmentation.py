@@ -13,6 +13,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from dextera_build.learning.samples import as_seen
+
 if TYPE_CHECKING:
     from dextera_build.learning.options import ImitationOptions
 
@@ -36,6 +38,28 @@ def augmented(pictures: Tensor, options: ImitationOptions, random: torch.Generat
         noise = torch.randn(pictures.shape, generator=random).to(pictures.device)
         pictures = (pictures + 2.0 * options.grain * noise).clamp(-1.0, 1.0)
     return pictures
+
+
+def swapped(
+    pictures: Tensor, kept: Tensor, behind: Tensor, share: float, samples: int, random: torch.Generator
+) -> Tensor:
+    """Replace the background of a share of the samples by one that is drawn, half of them mirrored.
+
+    Args:
+        pictures: (B, 3, H, W), of which each sample has equally many, one after another.
+        kept: Pixels (B, H, W) bool of robot and objects.
+        behind: Backgrounds (K, H, W, 3) uint8 on the CPU.
+        share: Fraction of the samples.
+        samples: Number of samples; all pictures of one have the same background.
+        random: On the CPU.
+    """
+    draws, number = torch.rand((samples, 2), generator=random), torch.randint(len(behind), (samples,), generator=random)
+    others = as_seen("rgb", behind[number])
+    others = torch.where(draws[:, 1, None, None, None] < 0.5, others.flip(-1), others).to(pictures.device)
+    steps = len(pictures) // samples
+    stays = (draws[:, 0] >= share).to(pictures.device).repeat_interleave(steps)
+    keep = kept | stays[:, None, None]
+    return torch.where(keep[:, None], pictures, others.repeat_interleave(steps, 0))
 
 
 def ranged(frames: Tensor, axis: int, options: ImitationOptions, random: torch.Generator) -> Tensor:

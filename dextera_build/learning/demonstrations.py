@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -14,8 +14,8 @@ from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.learning.parts import Part, check
 from dextera_build.learning.sight import Sight
+from dextera_build.policy import cameras, features, normalisation
 from dextera_build.policy import contract as contracts
-from dextera_build.policy import features, normalisation
 from dextera_build.policy.layout import WORLD, Layout, of_bundle, of_episodes, world_flag
 from dextera_build.sim.primitives.catalogue import concerned
 
@@ -29,7 +29,7 @@ class Selection:
     """The part of the recorded data that an algorithm learns from."""
 
     inputs: tuple[str, ...]
-    """Input channels of the deployable observation."""
+    """Input channels of the deployable observation; `rgb` are the pictures of all cameras that there are films of."""
     objects: Literal["task", "all"] = "task"
     """Objects with poses and joints in the input: the task's object and those that its goal names, or all."""
     held_out: float = 0.0
@@ -64,8 +64,8 @@ class Demonstrations:
     """Samples of each part in a batch, relative to the others."""
     held_out_rows: np.ndarray
     """Rows of the validation episodes, (m,) int64."""
-    sight: Sight | None
-    """What the camera showed at all rows, or None."""
+    sight: Mapping[str, Sight]
+    """Camera -> what it showed at all rows."""
     places: np.ndarray | None
     """Normalised pose and joints of the task's object, (N, P) float32; None without images."""
 
@@ -85,9 +85,10 @@ def prepare(
     Raises:
         RuleError: The data do not fit the task or the selection.
     """
-    check(bundle, parts, selection.inputs)
     first = parts[0]
-    layout = of_episodes(first.episodes, of_bundle(bundle).goal, first.film)
+    selection = replace(selection, inputs=cameras.spread(selection.inputs, first.films))
+    check(bundle, parts, selection.inputs)
+    layout = of_episodes(first.episodes, of_bundle(bundle).goal, first.films)
     rows, train, held_out = _split(parts, selection)
     every = [episode for part in parts for episode in part.episodes.items.values()]
     recorded = [
@@ -98,7 +99,7 @@ def prepare(
     fields = {name: np.concatenate([part[name] for part in recorded]) for name in recorded[0]}
     actions = np.concatenate([episode.action for episode in every])
     mix = _Mix(tuple(rows), tuple(part.weight for part in parts))
-    sight = Sight.of(parts)
+    sight = {camera: Sight.of(parts, camera) for camera in first.films}
     channels = _fitted(_channels(bundle, layout, selection, parts), layout, fields, mix, sight)
     action = Channel(name="action", shape=(actions.shape[1],), names=first.episodes.joint_names)
     action = mix.fitted(action, actions)
@@ -124,7 +125,7 @@ def prepare(
         weights=mix.weights,
         held_out_rows=np.setdiff1d(np.arange(len(actions)), np.concatenate(mix.rows)),
         sight=sight,
-        places=_places(bundle, layout, fields, mix) if first.film else None,
+        places=_places(bundle, layout, fields, mix) if first.films else None,
     )
 
 
@@ -176,7 +177,7 @@ def _places(bundle: TaskBundle, layout: Layout, fields: features.Fields, mix: _M
 
 
 def _fitted(
-    channels: tuple[Channel, ...], layout: Layout, fields: features.Fields, mix: _Mix, sight: Sight | None
+    channels: tuple[Channel, ...], layout: Layout, fields: features.Fields, mix: _Mix, sight: Mapping[str, Sight]
 ) -> tuple[Channel, ...]:
     """The channels with the normalisation of the training rows; flags and pictures have none."""
     reader = features.Reader(channels, layout)
@@ -184,8 +185,9 @@ def _fitted(
     def fitted(one: Channel) -> Channel:
         if one.encoding == "picture" or one.name == WORLD:
             return one
-        if sight is not None and one.encoding in SEEN:
-            seen = [sight.measured(one, rows[:: -(-len(rows) // FITTED)]) for rows in mix.rows]
+        if one.encoding in SEEN:
+            shown = sight[cameras.camera_of(one.name)]
+            seen = [shown.measured(one, rows[:: -(-len(rows) // FITTED)]) for rows in mix.rows]
             return normalisation.fitted(one, seen, mix.weights)
         return mix.fitted(one, reader.encoded(one, fields))
 
@@ -198,7 +200,7 @@ def _channels(bundle: TaskBundle, layout: Layout, selection: Selection, parts: S
         names = concerned(bundle.task, bundle.objects)
         only |= {"objects": names, "displacement": tuple(j for name in names for j in bundle.objects[name].joints)}
     rows = {name: term.rows for name in selection.inputs if (term := layout.channel(name))} | {WORLD: WORLD}
-    known = [name for name in contracts.CHANNELS if name in selection.inputs]
+    known = [name for name in (*contracts.VECTORS, WORLD, *layout.seen) if name in selection.inputs]
     added = [name for name in selection.inputs if name not in known]
     made = [contracts.channel(layout, name, only.get(rows.get(name, ""))) for name in (*known, *added)]
     made = [

@@ -1,4 +1,4 @@
-"""Small encoders of what a camera gives: pictures, depth and points."""
+"""Small encoders of what cameras give: pictures, depth and points."""
 
 from __future__ import annotations
 
@@ -8,37 +8,50 @@ import torch
 from torch import Tensor, nn
 
 from dextera_build.artifacts.tasks.policy import PolicyContract
+from dextera_build.policy import cameras
 
 PLANES = {"rgb": 3, "depth": 2}
-"""Channel -> planes of its picture."""
+"""Term of a camera -> planes of its picture."""
 
 
 class Eyes(nn.Module):
-    """One encoder for each channel of a camera, which gives one token.
+    """Encoders of the channels of all cameras, which give one token for each channel.
 
     Args:
         contract: Inputs of the policy.
         width: Features of a token.
+        shared: Whether cameras share the encoder of a term. A learned vector for each channel then tells them apart.
     """
 
-    def __init__(self, contract: PolicyContract, width: int) -> None:
+    def __init__(self, contract: PolicyContract, width: int, *, shared: bool = False) -> None:
         super().__init__()
         self.width = width
         self.names = tuple(channel.name for channel in contract.seen)
-        self.eyes = nn.ModuleList(Cloud(width) if name == "cloud" else Eye(width, PLANES[name]) for name in self.names)
+        kinds = [cameras.term_of(name) if shared else name for name in self.names]
+        built = list(dict.fromkeys(kinds))
+        self.eyes = nn.ModuleList(_eye(cameras.term_of(kind), width) for kind in built)
+        self._numbers = tuple(map(built.index, kinds))
+        several = len(built) < len(kinds)
+        self.apart = nn.Parameter(torch.randn(len(kinds), width) * 0.02) if several else None
 
     def forward(self, inputs: Mapping[str, Tensor]) -> Tensor:
         """(..., S, W) tokens of S channels.
 
         Args:
-            inputs: `rgb` (..., 3, H, W) in -1 to 1, `depth` (..., 2, H, W), `cloud` (..., H, W, 4).
+            inputs: `rgb` (..., 3, H, W) in -1 to 1, `depth` (..., 2, H, W), `cloud` (..., H, W, 4), those of several
+                cameras as `rgb/front`.
         """
         tokens = []
-        for name, eye in zip(self.names, self.eyes, strict=True):
+        for name, number in zip(self.names, self._numbers, strict=True):
             frames = inputs[name]
-            token = eye(frames.flatten(0, -4))
+            token = self.eyes[number](frames.flatten(0, -4))
             tokens.append(token.unflatten(0, frames.shape[:-3]))
-        return torch.stack(tokens, dim=-2)
+        seen = torch.stack(tokens, dim=-2)
+        return seen if self.apart is None else seen + self.apart
+
+
+def _eye(term: str, width: int) -> nn.Module:
+    return Cloud(width) if term == "cloud" else Eye(width, PLANES[term])
 
 
 class Eye(nn.Module):

@@ -15,7 +15,8 @@ class ImitationOptions(Options):
 
     inputs: tuple[str, ...] = ("joints", "objects", "displacement", "goal")
     """Input channels of the deployable observation; add `rgb` if a film is given, `depth` or `cloud` if it has depth,
-    and `world` to tell the policy which kind of world a sample of a mixture is from."""
+    and `world` to tell the policy which kind of world a sample of a mixture is from. Of several cameras, `rgb` are the
+    pictures of all, and `rgb/front` those of one."""
     objects: Literal["task", "all"] = "task"
     """Objects with poses and joints in the input: the task's object and those that its goal names (the container that
     it is put into), or all. Irrelevant objects can only mislead a policy trained on a hundred episodes."""
@@ -43,6 +44,8 @@ class ImitationOptions(Options):
     """Maximum standard deviation of a random blur of images [px]."""
     grain: float = Field(0.0, ge=0.0)
     """Standard deviation of noise added to each pixel and colour of images, as a fraction of the range."""
+    swap: Fraction = 0.0
+    """Fraction of the samples whose background is replaced by a picture of `backdrop`; before all other changes."""
     reach_m: float = Field(3.0, gt=0.0)
     """Distance from the camera above which neither depth nor points are used [m]: walls and the floor behind a table
     would have most of the range of the inputs."""

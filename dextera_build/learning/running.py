@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from dextera_build.artifacts.tasks.policy import Checkpoint, PolicyContract
 from dextera_build.learning import weights
 from dextera_build.learning.samples import as_seen
-from dextera_build.policy import contract as contracts
+from dextera_build.policy import cameras
 from dextera_build.policy.features import Fields
 
 Network = TypeVar("Network", bound=nn.Module)
@@ -30,7 +30,7 @@ def filled(network: Network, checkpoint: Checkpoint) -> Network:
 def tensors(inputs: Fields) -> dict[str, Tensor]:
     """Inputs of a policy as a network takes them; see `samples.as_seen` for those of a camera."""
     made = {name: torch.from_numpy(np.ascontiguousarray(field)) for name, field in inputs.items()}
-    return {name: as_seen(name, each) if name in contracts.CAMERAS else each for name, each in made.items()}
+    return {name: as_seen(name, each) if cameras.is_seen(name) else each for name, each in made.items()}
 
 
 def targets(contract: PolicyContract, actions: Tensor) -> np.ndarray:

@@ -10,6 +10,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dextera_build.policy import cameras
+
 if TYPE_CHECKING:
     from dextera_build.learning.demonstrations import Demonstrations
 
@@ -65,11 +67,25 @@ class Samples:
         seen = seen[:, 0] if len(self.window.observed) == 1 else seen
         inputs = {name: each[seen.to(self.device)] for name, each in self.inputs.items()}
         for channel in self.data.contract.seen:
-            assert self.data.sight is not None
-            frames = torch.from_numpy(self.data.sight.at(channel, seen.flatten().numpy())).to(self.device)
+            sight = self.data.sight[cameras.camera_of(channel.name)]
+            frames = torch.from_numpy(sight.at(channel, seen.flatten().numpy())).to(self.device)
             inputs[channel.name] = as_seen(channel.name, frames.view(*seen.shape, *frames.shape[1:]))
         places = self._places[chosen.to(self.device)] if self._places is not None else None
         return Batch(inputs, self._actions[acted.to(self.device)], keep.to(self.device), places)
+
+    def foreground(self, rows: np.ndarray) -> dict[str, Tensor]:
+        """Channel of pictures with other backgrounds -> pixels (N, H, W) bool of robot and objects.
+
+        N are the observed steps of rows (B,) int64, one sample after another.
+        """
+        seen, _ = self._steps(torch.from_numpy(rows), self.window.observed)
+        found = {}
+        for channel in self.data.contract.seen:
+            sight = self.data.sight[cameras.camera_of(channel.name)]
+            if channel.encoding == "picture" and sight.masks is not None:
+                masks = torch.from_numpy(sight.foreground(seen.flatten().numpy()))
+                found[channel.name] = masks.to(self.device)
+        return found
 
     def _steps(self, rows: Tensor, window: range) -> tuple[Tensor, Tensor]:
         """Rows (B, T) of the steps of a window, within the episode, and whether each was."""
@@ -82,13 +98,14 @@ def as_seen(name: str, frames: Tensor) -> Tensor:
     """A channel of a camera as networks take it.
 
     Args:
-        name: `rgb`, `depth` or `cloud`.
+        name: `rgb`, `depth` or `cloud`, of any camera.
         frames: (..., H, W, 3) uint8, (..., H, W, 2) or (..., H, W, 4) float32.
 
     Returns:
         `rgb` (..., 3, H, W) in -1 to 1, `depth` (..., 2, H, W), `cloud` (..., H, W, 4) unchanged.
     """
-    if name == "cloud":
+    term = cameras.term_of(name)
+    if term == "cloud":
         return frames
     planes = frames.movedim(-1, -3)
-    return planes.to(torch.float32).div_(127.5).sub_(1.0) if name == "rgb" else planes
+    return planes.to(torch.float32).div_(127.5).sub_(1.0) if term == "rgb" else planes

@@ -1,4 +1,4 @@
-"""What a camera showed at the steps of demonstrations: the pictures, distances and points that a policy learns from."""
+"""What cameras showed at the steps of demonstrations: the pictures, distances and points that a policy learns from."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Self
 
 import numpy as np
 
+from dextera_build.artifacts.tasks.backdrop import Backdrop
 from dextera_build.artifacts.tasks.episode import DEPTH_STEP_M
 from dextera_build.artifacts.tasks.policy import Channel
 from dextera_build.errors import RuleError
@@ -18,7 +19,7 @@ from dextera_build.policy import features
 
 @dataclass(frozen=True)
 class Sight:
-    """Frames of all steps."""
+    """Frames of one camera at all steps."""
 
     pictures: Frames
     """Colours (H, W, 3) uint8 sRGB."""
@@ -28,18 +29,23 @@ class Sight:
     """Directions (H, W, 3) float32 of the pixels of each part's camera, z = 1; none without depth."""
     parts: np.ndarray
     """Number of the part of each step (N,)."""
+    masks: Frames | None
+    """Rows of bits of the pixels of robot and objects, see `Backdrop`; None if there is no other background."""
+    behind: np.ndarray
+    """Other backgrounds (K, H, W, 3) uint8 sRGB."""
 
     @classmethod
-    def of(cls, parts: Sequence[Part]) -> Self | None:
-        """What the films of the parts show; None without films."""
-        if any(part.film is None for part in parts):
-            return None
-        depths = [each for part in parts for each in part.depths]
+    def of(cls, parts: Sequence[Part], camera: str) -> Self:
+        """What the films of a camera show, of which every part has one."""
+        deep = all(camera in part.depths for part in parts)
+        found = [part.backdrops[camera] for part in parts if camera in part.backdrops]
         return cls(
-            Frames([each for part in parts for each in part.pixels]),
-            Frames(depths) if depths else None,
-            tuple(_rays(part) for part in parts) if depths else (),
+            Frames([each for part in parts for each in part.pixels[camera]]),
+            Frames([each for part in parts for each in part.depths[camera]]) if deep else None,
+            tuple(_rays(part, camera) for part in parts) if deep else (),
             np.repeat(np.arange(len(parts)), [sum(part.lengths) for part in parts]),
+            Frames([each for part in parts for each in _masks(part, camera)]) if found else None,
+            np.concatenate([each.pictures for each in found]) if found else np.zeros((0, 1, 1, 3), np.uint8),
         )
 
     def at(self, channel: Channel, rows: np.ndarray) -> np.ndarray:
@@ -52,6 +58,11 @@ class Sight:
         if channel.encoding == "picture":
             return self.pictures.at(rows)
         return features.ranged(channel, self._metres(channel, rows))
+
+    def foreground(self, rows: np.ndarray) -> np.ndarray:
+        """Pixels (N, H, W) bool of robot and objects at steps (N,)."""
+        assert self.masks is not None
+        return Backdrop.unpacked(self.masks.at(rows), self.behind.shape[2])
 
     def measured(self, channel: Channel, rows: np.ndarray) -> np.ndarray:
         """The distances (M, 1) or points (M, 3) [m] that were measured within reach at steps (N,).
@@ -81,7 +92,17 @@ class Sight:
         return np.asarray(counts[:, down, across, None] * step * rays)
 
 
-def _rays(part: Part) -> np.ndarray:
-    camera = part.film.camera if part.film else None
+def _masks(part: Part, camera: str) -> list[np.ndarray]:
+    """The masks of the episodes of a part; without other backgrounds all pixels are kept."""
+    found = part.backdrops.get(camera)
+    if found is not None:
+        return [found.masks[name] for name in part.episodes.items]
+    film = part.films[camera]
+    rows = (film.height, -(-film.width // 8))
+    return [np.broadcast_to(np.uint8(255), (steps, *rows)) for steps in part.lengths]
+
+
+def _rays(part: Part, name: str) -> np.ndarray:
+    camera = part.films[name].camera
     assert camera is not None
     return cameras.rays(camera.height, camera.width, camera.matrix()).astype(np.float32)

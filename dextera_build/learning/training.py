@@ -16,12 +16,13 @@ from torch.optim.swa_utils import AveragedModel
 
 from dextera_build import digest
 from dextera_build.learning import reproducible, weights
-from dextera_build.learning.augmentation import augmented, ranged
+from dextera_build.learning.augmentation import augmented, ranged, swapped
 from dextera_build.learning.samples import Batch, Samples, Window
 from dextera_build.learning.sampling import Mixed
 from dextera_build.learning.snapshots import Snapshots
 from dextera_build.learning.trained import Trained
 from dextera_build.learning.training_state import Kept, restore, save
+from dextera_build.policy.cameras import camera_of
 from dextera_build.policy.layout import WORLD
 from dextera_build.rule import Context
 from dextera_build.rule.pretrained import out_of_memory
@@ -140,8 +141,9 @@ class Training:
         options = self._options
         random = torch.Generator().manual_seed(options.seed * 1_000_003 + step)
         drawn = zip(self._data.train_rows, self._mixed.draw(), strict=True)
-        batch = self._samples.at(np.concatenate([part[chosen] for part, chosen in drawn]))
-        batch = replace(batch, inputs=self._augmented(batch.inputs, random))
+        rows = np.concatenate([part[chosen] for part, chosen in drawn])
+        batch, kept = self._samples.at(rows), self._samples.foreground(rows) if options.swap else {}
+        batch = replace(batch, inputs=self._augmented(batch.inputs, kept, random))
         with torch.autocast(torch.device(self._ctx.device).type, torch.bfloat16, enabled=options.bf16):
             loss, shown = self._learner.loss(self._network, batch, random)
         self._optimiser.zero_grad()
@@ -153,7 +155,9 @@ class Training:
             self._average.update_parameters(self._network)
         return float(shown.detach())
 
-    def _augmented(self, inputs: Mapping[str, Tensor], random: torch.Generator) -> dict[str, Tensor]:
+    def _augmented(
+        self, inputs: Mapping[str, Tensor], kept: Mapping[str, Tensor], random: torch.Generator
+    ) -> dict[str, Tensor]:
         options, changed = self._options, dict(inputs)
         if options.jitter:
             for name in (each for each in self._samples.inputs if each != WORLD):  # a flag is no measurement
@@ -162,6 +166,9 @@ class Training:
         for channel in self._data.contract.seen:
             frames = changed[channel.name]
             flat = frames.flatten(0, -4)
+            if channel.name in kept:
+                behind = torch.from_numpy(self._data.sight[camera_of(channel.name)].behind)
+                flat = swapped(flat, kept[channel.name], behind, options.swap, len(frames), random)
             if channel.encoding == "picture":
                 flat = augmented(flat, options, random)
             else:

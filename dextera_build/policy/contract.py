@@ -6,19 +6,19 @@ import difflib
 from collections.abc import Iterable, Mapping
 
 from dextera_build.artifacts.tasks.episode import Episodes
-from dextera_build.artifacts.tasks.policy import Channel, Encoding, PolicyContract
+from dextera_build.artifacts.tasks.policy import SEEN, Channel, Encoding, PolicyContract
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.errors import RuleError, listing
+from dextera_build.policy import cameras
+from dextera_build.policy.cameras import PICTURE
 from dextera_build.policy.declared import BY_NAME, DECLARED, HIDDEN, POSE
 from dextera_build.policy.layout import WORLD, Layout, of_bundle, of_episodes
 
 VECTORS = tuple(term.name for term in DECLARED if term.is_vector)
 """Vector channels of dxb, in the order of the networks' inputs."""
-CAMERAS: dict[str, Encoding] = {"rgb": "picture", "depth": "depth", "cloud": "cloud"}
-"""Channels that a camera gives -> their encodings."""
-CHANNELS = (*VECTORS, WORLD, *CAMERAS)
-"""All channels of dxb that a policy may use, none of them privileged."""
+CHANNELS = (*VECTORS, WORLD, *cameras.TERMS)
+"""All channels of dxb that a policy may use, none of them privileged; of several cameras each has its own."""
 PRIVILEGED = "privileged"
 """Setting of a contract: the number of privileged inputs, which no robot can give; such a policy can only teach."""
 MISSPELLED = 0.8
@@ -41,7 +41,7 @@ def check_inputs(names: tuple[str, ...], known: tuple[str, ...] = CHANNELS) -> N
     if not names or len(set(names)) < len(names):
         raise ValueError("`inputs` must name one channel or more, each once")
     for name in names:
-        if name in known:
+        if name in known or (cameras.is_named(name) and cameras.term_of(name) in known):
             continue
         if name not in BY_NAME and not difflib.get_close_matches(name, known, n=1, cutoff=MISSPELLED):
             continue
@@ -65,15 +65,16 @@ def channel(layout: Layout, name: str, only: tuple[str, ...] | None = None) -> C
         RuleError: `layout` has no such channel.
     """
     names = layout.names(name)
-    if layout.picture and name in layout.cameras:
-        colours = () if name == "depth" else (3,)
-        return Channel(name=name, shape=(*layout.picture, *colours), encoding=CAMERAS[name])
+    if name in layout.seen:
+        term = cameras.term_of(name)
+        shape = layout.cameras[cameras.camera_of(name)].shape(term)
+        return Channel(name=name, shape=shape, encoding=cameras.TERMS[term])
     if names is None:
         raise RuleError(
             f"there is no channel `{name}` to learn from",
             code="DXB-B501",
             facts={"channels": listing(offered(layout))},
-            hint=_MISSING.get(name),
+            hint=_missing(name, layout),
         )
     kept = names if only is None else tuple(part for part in names if part in only)
     declared = layout.channel(name)
@@ -81,19 +82,20 @@ def channel(layout: Layout, name: str, only: tuple[str, ...] | None = None) -> C
     return Channel(name=name, shape=(len(kept), *_parts(layout, name)), names=kept, encoding=encoding)
 
 
-_MISSING = {
-    "rgb": "give a film, or leave `rgb` out of `inputs`",
-    **{
-        name: f"film with `depth: true` in `demonstrate.film`, or leave `{name}` out of `inputs`"
-        for name in ("depth", "cloud")
-    },
-}
-"""Channel of a camera -> what to do if there is none."""
+def _missing(name: str, layout: Layout) -> str | None:
+    """What to do if there is no such channel of a camera; None for other channels."""
+    if not cameras.is_seen(name):
+        return None
+    camera = cameras.camera_of(name)
+    if layout.cameras and camera not in layout.cameras:
+        return f"there is no film of camera `{camera}`: give it in `films`, or leave `{name}` out of `inputs`"
+    todo = "give a film" if cameras.term_of(name) == "rgb" else "film with `depth: true` in `demonstrate.film`"
+    return f"{todo}, or leave `{name}` out of `inputs`"
 
 
 def offered(layout: Layout) -> tuple[str, ...]:
     """Names of the channels that `layout` provides."""
-    return (*VECTORS, WORLD, *(term.name for term in layout.added), *layout.cameras)
+    return (*VECTORS, WORLD, *(term.name for term in layout.added), *layout.seen)
 
 
 def _parts(layout: Layout, name: str) -> tuple[int, ...]:
@@ -106,7 +108,7 @@ def check(
     contract: PolicyContract,
     bundle: TaskBundle,
     rate_hz: float | None = None,
-    view: View | None = None,
+    views: Mapping[str, View] | None = None,
     terms: Iterable[TermSpec] = (),
     *,
     teacher: bool = False,
@@ -117,7 +119,7 @@ def check(
         contract: Inputs and outputs of the policy.
         bundle: World that it will run in.
         rate_hz: Rate at which it will be called [Hz]; None: the bundle's.
-        view: The camera of its pictures.
+        views: The cameras of its pictures.
         terms: Terms that do not come with dxb.
         teacher: Whether it will teach in a simulation, where it may have privileged inputs.
 
@@ -126,7 +128,7 @@ def check(
     """
     if not teacher:
         refuse_teacher(contract)
-    refuse(differences(contract, of_bundle(bundle, view, rate_hz, terms)))
+    refuse(differences(contract, of_bundle(bundle, views, rate_hz, terms)))
 
 
 def refuse_teacher(contract: PolicyContract) -> None:
@@ -188,7 +190,7 @@ def differences(contract: PolicyContract, here: Layout) -> dict[str, str]:
     _compare_actions(found, contract.action.names, contract.embodiment, here)
     _compare(found, "another rate", f"{contract.rate_hz:g} Hz", f"{here.rate_hz:g} Hz")
     for wanted in contract.inputs:
-        if wanted.name in CAMERAS:
+        if wanted.encoding in SEEN:
             _compare_view(found, wanted, here)
         elif wanted.name == WORLD:
             if here.world not in wanted.names:
@@ -239,14 +241,21 @@ def _compare_channel(found: dict[str, str], wanted: Channel, here: Layout) -> No
 
 
 def _compare_view(found: dict[str, str], wanted: Channel, here: Layout) -> None:
-    height, width = wanted.shape[:2]
-    if here.picture is None:
-        found["no view"] = f"the policy looks at {width} x {height} px"
-    elif here.picture != (height, width):
-        there = f"{here.picture[1]} x {here.picture[0]} px"
-        found["a view of another size"] = f"the policy has {width} x {height} px, the bundle has {there}"
-    elif wanted.name not in here.cameras:
-        found[f"no `{wanted.name}`"] = f"the camera gives {listing(here.cameras)}"
+    """Compare what a camera gives; only the camera of a policy with several has a name."""
+    term, camera = cameras.term_of(wanted.name), cameras.camera_of(wanted.name)
+    named = wanted.name != term
+    size = cameras.shown_in(wanted).size
+    shown = here.cameras.get(camera)
+    if shown is None:
+        names = listing(sorted(here.cameras))
+        there = f"cameras are {names}" if here.cameras.keys() != {PICTURE} else "only camera has no name"
+        what = f"no camera `{camera}`" if named else "no view"
+        found[what] = f"the policy looks at {size}" + (f", the bundle's {there}" if here.cameras else "")
+    elif shown.size != size:
+        what = f"camera `{camera}` of another size" if named else "a view of another size"
+        found[what] = f"the policy has {size}, the bundle has {shown.size}"
+    elif term not in shown.terms:
+        found[f"no `{wanted.name}`"] = f"the camera gives {listing(shown.terms)}"
 
 
 def _listed(names: tuple[str, ...]) -> str:

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -14,9 +13,10 @@ import numpy as np
 
 from dextera_build.artifacts.tasks.episode import DEPTH_STEP_M, Episode
 from dextera_build.artifacts.tasks.policy import SEEN, Channel
+from dextera_build.policy import cameras
+from dextera_build.policy.cameras import PICTURE
 from dextera_build.policy.declared import HIDDEN
 from dextera_build.policy.layout import Layout
-from dextera_build.policy.observation import Frame
 
 if TYPE_CHECKING:
     from dextera_build.policy.observation import DeployableObservation
@@ -44,10 +44,16 @@ def recorded(episode: Episode) -> Fields:
 
 
 def observed(observation: DeployableObservation) -> Fields:
-    """One live observation as a stack of one sample, with the frame of its first camera."""
-    fields = dict(observation.values)
-    frame = next(iter(observation.frames.values()), Frame())
-    fields |= {part.name: seen for part in dataclasses.fields(frame) if (seen := getattr(frame, part.name)) is not None}
+    """One live observation as a stack of one sample.
+
+    A policy with one camera gets the frame of the first one, whatever its name is.
+    """
+    fields, frames = dict(observation.values), dict(observation.frames)
+    if frames:
+        frames.setdefault(PICTURE, next(iter(frames.values())))
+    for camera, frame in frames.items():
+        shown = {term: getattr(frame, term) for term in cameras.TERMS}
+        fields |= {cameras.channel_of(term, camera): each for term, each in shown.items() if each is not None}
     return {name: np.asarray(field)[None] for name, field in fields.items()}
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import get_args
 
 import numpy as np
@@ -16,6 +16,8 @@ from dextera_build.artifacts.tasks.pixels import Pixels
 from dextera_build.artifacts.tasks.task import TaskBundle, View, WorldKind
 from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.errors import RuleError, listing
+from dextera_build.policy import cameras
+from dextera_build.policy.cameras import Shown
 from dextera_build.policy.declared import BY_NAME, DECLARED
 from dextera_build.policy.terms import EXACT, Declared, Sensor, Term, added
 
@@ -43,10 +45,8 @@ class Layout:
     """Components of `displacement`."""
     goal: tuple[str, ...]
     """Components of `goal`."""
-    picture: tuple[int, int] | None = None
-    """(height, width) of what the camera gives [px], or None without a camera."""
-    measures_depth: bool = True
-    """Whether the camera, if there is one, also gives depth, and with it points."""
+    cameras: Mapping[str, Shown] = field(default_factory=dict)
+    """Camera -> what it gives; the only one is called `PICTURE`."""
     tips: tuple[str, ...] = ()
     """Fingertips of all limbs."""
     limbs: tuple[str, ...] = ()
@@ -59,11 +59,12 @@ class Layout:
     """Kind of the world."""
 
     @property
-    def cameras(self) -> tuple[str, ...]:
-        """Channels that the camera gives."""
-        if self.picture is None:
-            return ()
-        return ("rgb", "depth", "cloud") if self.measures_depth else ("rgb",)
+    def seen(self) -> tuple[str, ...]:
+        """Channels that the cameras give, those of one term side by side."""
+        shown = sorted(self.cameras.items())
+        return tuple(
+            cameras.channel_of(term, name) for term in cameras.TERMS for name, each in shown if term in each.terms
+        )
 
     def names(self, channel: str) -> tuple[str, ...] | None:
         """Names of the rows of a channel of numbers that policies may see, or None for another channel."""
@@ -83,19 +84,19 @@ class Layout:
         return (count, len(declared.parts)) if declared.parts and declared.rows else (count,)
 
     def terms(
-        self, cameras: Mapping[str, Camera] | None = None, sensors: Mapping[str, Sensor] | None = None
+        self, lenses: Mapping[str, Camera] | None = None, sensors: Mapping[str, Sensor] | None = None
     ) -> tuple[Term, ...]:
         """Terms that can be observed or recorded here, without terms that have no component.
 
         Args:
-            cameras: Name -> intrinsics; each has a picture, depth and a cloud.
+            lenses: Camera -> intrinsics; each has a picture, depth and a cloud.
             sensors: Name of a term, or `name/camera` -> its sensor; other terms are exact.
         """
         given = sensors or {}
         found = []
         for declared in (*DECLARED, *self.added):
             if declared.rows == "cameras":
-                for name, camera in (cameras or {}).items():
+                for name, camera in (lenses or {}).items():
                     # Points have the errors of the depth that they are computed from.
                     source = "depth" if declared.name == "cloud" else declared.name
                     sensor = given.get(f"{source}/{name}", given.get(source, EXACT))
@@ -130,9 +131,12 @@ def embodiment(robot: RobotModel) -> str:
 
 
 def of_bundle(
-    bundle: TaskBundle, view: View | None = None, rate_hz: float | None = None, terms: Iterable[TermSpec] = ()
+    bundle: TaskBundle,
+    views: Mapping[str, View] | None = None,
+    rate_hz: float | None = None,
+    terms: Iterable[TermSpec] = (),
 ) -> Layout:
-    """The layout of a task bundle, seen through `view`, at its own rate or at `rate_hz`, with added terms.
+    """The layout of a task bundle, seen through cameras, at its own rate or at `rate_hz`, with added terms.
 
     Raises:
         RuleError: Two terms have the same name.
@@ -147,7 +151,7 @@ def of_bundle(
         objects=tuple(bundle.objects),
         displacement=bundle.displacement_names,
         goal=task.goal.names,
-        picture=(view.camera.height, view.camera.width) if view else None,
+        cameras=cameras.sizes(views or {}),
         tips=bundle.robot.tips,
         limbs=bundle.robot.limb_names,
         points=points.get(task.object, 0),
@@ -156,8 +160,9 @@ def of_bundle(
     )
 
 
-def of_episodes(episodes: Episodes, goal: tuple[str, ...], film: Film | Pixels | None = None) -> Layout:
-    """The layout of a data set; only the task has the components of its goal, `goal`."""
+def of_episodes(episodes: Episodes, goal: tuple[str, ...], films: Mapping[str, Film | Pixels] | None = None) -> Layout:
+    """The layout of a data set with the films of its cameras; only the task has the components of its goal, `goal`."""
+    shown = {name: Shown(film.height, film.width, bool(film.depth)) for name, film in (films or {}).items()}
     return Layout(
         task=episodes.task,
         embodiment=episodes.embodiment,
@@ -166,8 +171,7 @@ def of_episodes(episodes: Episodes, goal: tuple[str, ...], film: Film | Pixels |
         objects=episodes.object_names,
         displacement=episodes.displacement_names,
         goal=goal,
-        picture=(film.height, film.width) if film else None,
-        measures_depth=bool(film and film.depth),
+        cameras=shown,
         tips=episodes.tip_names,
         limbs=episodes.limb_names,
         added=_added(episodes.terms.values()),

@@ -35,8 +35,6 @@ class Frame:
 
 Frames = Mapping[str, Frame]
 """Camera -> its frame."""
-PICTURE = "workspace"
-"""Name of a single camera."""
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import numpy as np
 from dextera_build.artifacts.tasks.policy import Channel, Checkpoint, PolicyContract
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError
+from dextera_build.policy import cameras
 from dextera_build.policy.features import Fields, Reader, measured, observed
 from dextera_build.policy.layout import WORLD, Layout, world_flag
 from dextera_build.policy.observation import DeployableObservation
@@ -22,7 +23,7 @@ Predict = Callable[[Fields, int], np.ndarray]
 samples in one: (1, T, ...), the present one last; before the first step, the first is repeated. A recurrent policy
 forgets what it holds at step 0."""
 PICTURES = {"rgb": "picture", "depth": "depth picture", "cloud": "point cloud"}
-"""Channel of a camera -> its name in errors."""
+"""Term of a camera -> its name in errors."""
 
 
 class Runner(Protocol):
@@ -143,7 +144,9 @@ class Policy:
         return inputs | {channel.name: self._picture(channel, fields) for channel in self.contract.seen}
 
     def _picture(self, channel: Channel, fields: Fields) -> np.ndarray:
-        wanted, what = channel.shape, PICTURES.get(channel.name, "picture")
+        wanted, term = channel.shape, cameras.term_of(channel.name)
+        what = PICTURES.get(term, "picture")
+        what += "" if channel.name == term else f" of camera `{cameras.camera_of(channel.name)}`"
         picture = fields.get(channel.name)
         if picture is None or picture.shape[1:] != wanted:
             shown = f"no {what}" if picture is None else f"a {what} {picture.shape[1:]}"

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.tasks.policy import Channel, Checkpoint
+from dextera_build.artifacts.tasks.policy import SEEN, Channel, Checkpoint
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.errors import RuleError, listing
+from dextera_build.policy import cameras, instruction
 from dextera_build.policy import contract as contracts
-from dextera_build.policy import instruction
 from dextera_build.policy.declared import BY_NAME
 from dextera_build.policy.layout import WORLD, Layout, of_bundle
-from dextera_build.policy.observation import PICTURE, DeployableObservation, Frame
+from dextera_build.policy.observation import DeployableObservation, Frame
 from dextera_build.policy.running import Policy, Runner
 from dextera_build.policy.wire.promise import Input, Promise
 
@@ -143,8 +143,10 @@ def observations(
 
 
 def _observation(values: dict[str, np.ndarray]) -> DeployableObservation:
-    seen = {name: values.pop(name) for name in contracts.CAMERAS if name in values}
-    return DeployableObservation(values, {PICTURE: Frame(**seen)} if seen else {})
+    frames: dict[str, dict[str, np.ndarray]] = {}
+    for name in filter(cameras.is_seen, list(values)):
+        frames.setdefault(cameras.camera_of(name), {})[cameras.term_of(name)] = values.pop(name)
+    return DeployableObservation(values, {camera: Frame(**seen) for camera, seen in frames.items()})
 
 
 def _checked(channel: Channel, value: object, history: int) -> np.ndarray:
@@ -176,8 +178,8 @@ def _narrowed(layout: Layout, checkpoint: Checkpoint) -> Layout:
     """
     taken = {channel.name: channel for channel in checkpoint.contract.inputs}
     rows = {name: taken[name].names for name in _ROWS if name in taken and taken[name].names}
-    camera = next(iter(checkpoint.contract.seen), None)
-    seen = replace(layout, picture=(camera.shape[0], camera.shape[1]) if camera else None)
+    looks = checkpoint.contract.seen
+    seen = replace(layout, cameras={cameras.camera_of(each.name): cameras.shown_in(each) for each in looks})
     contracts.refuse_teacher(checkpoint.contract)
     contracts.refuse(contracts.differences(checkpoint.contract, seen))
     return replace(seen, **rows)  # type: ignore[arg-type]
@@ -187,8 +189,8 @@ def _input(channel: Channel, layout: Layout) -> Input:
     """What a request holds for a channel."""
     if channel.encoding == "picture":
         return Input(name=channel.name, shape=channel.shape, dtype="uint8", unit="sRGB 0..255")
-    if channel.name in contracts.CAMERAS:
-        term = BY_NAME[channel.name]
+    if channel.encoding in SEEN:
+        term = BY_NAME[cameras.term_of(channel.name)]
         return Input(name=channel.name, shape=channel.shape, dtype="float32", unit=f"{term.unit}; {term.about}")
     declared = layout.channel(channel.name)
     unit = "1 for the kind of the world, else 0" if channel.name == WORLD else declared.unit if declared else ""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -10,12 +9,10 @@ from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import View
 from dextera_build.errors import listing
+from dextera_build.policy.cameras import NAME
 from dextera_build.rule import Context
 
 from .film_of import check_film
-
-NAME = re.compile(r"[a-z][a-z0-9_]*")
-"""Names that all forms and ROS take."""
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from pydantic import PositiveInt
 
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.policy.cameras import PICTURE
 from dextera_build.policy.observation import Frame
 from dextera_build.rule import Context, Options, rule
 
@@ -29,6 +30,8 @@ class FilmOptions(Options):
     """Width of the frames for human viewers, smoothed, with proportional height [px]; null: the frames of policies."""
     depth: bool = False
     """Whether each frame also has its depth, for policies on depth or points."""
+    camera: str = PICTURE
+    """Name of the camera among several of a policy, on which its errors of pose depend."""
 
 
 class FilmBackend(Protocol):

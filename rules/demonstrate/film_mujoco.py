@@ -21,4 +21,4 @@ def frames(
     ctx: Context, bundle: TaskBundle, episodes: Episodes, view: View, common: FilmOptions, options: Options
 ) -> Iterator[tuple[str, Frame]]:
     """Index and frames of each episode."""
-    return pictures.film(bundle, episodes, view, ("rgb", "depth") if common.depth else ("rgb",))
+    return pictures.film(bundle, episodes, view, ("rgb", "depth") if common.depth else ("rgb",), common.camera)

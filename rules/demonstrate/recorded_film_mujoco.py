@@ -9,6 +9,7 @@ import numpy as np
 
 from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.policy.cameras import PICTURE
 from dextera_build.policy.observation import Frame
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.observe import pictures
@@ -26,7 +27,7 @@ def frames(
 ) -> Iterator[tuple[str, Frame]]:
     """Index of each episode, and its frames with a leading axis of T steps."""
     environment = Environment(world)
-    with pictures.live(environment, view, ("rgb", "depth") if common.depth else ("rgb",)) as look:
+    with pictures.live(environment, {PICTURE: view}, ("rgb", "depth") if common.depth else ("rgb",)) as look:
         for index, episode in episodes.items.items():
             shown, apart = _again(environment, episode, look)
             ctx.check(
@@ -43,6 +44,6 @@ def _again(environment: Environment, episode: Episode, look: Look) -> tuple[list
     shown, apart = list[Frame](), 0.0
     for joints, target in zip(episode.joints, episode.executed, strict=True):
         apart = max(apart, float(np.abs(environment.measure().joints - joints).max()))
-        shown.append(look())
+        shown.append(look()[PICTURE])
         environment.step(target)
     return shown, apart

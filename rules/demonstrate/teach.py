@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, Protocol
 
 import numpy as np
@@ -16,6 +16,7 @@ from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.policy import contract as contracts
 from dextera_build.policy.added import listed
+from dextera_build.policy.cameras import given
 from dextera_build.policy.layout import gathered
 from dextera_build.rule import Context, Options, Tolerance, rule
 from dextera_build.sim.runtime.seeds import seed_of
@@ -54,7 +55,7 @@ class TeachBackend(Protocol):
         bundle: TaskBundle,
         teacher: Checkpoint,
         student: Checkpoint | None,
-        view: View | None,
+        views: Mapping[str, View],
         seeds: list[int],
         terms: tuple[TermSpec, ...],
         common: TeachOptions,
@@ -78,6 +79,7 @@ def teach(
     teacher: Checkpoint,
     student: Checkpoint | None = None,
     view: View | None = None,
+    views: Collection[View] | None = None,
     terms: Collection[TermSpec] | None = None,
     *,
     options: TeachOptions,
@@ -88,14 +90,14 @@ def teach(
     which `demonstrate.gather` merges. Without a student the teacher acts. The teacher sees the true state, and what
     only a simulator knows if it was trained so (`learn.ppo` with `privileged`); recorded observations are those of the
     student, with errors and losses as a tracker's. Every episode is kept, also those that fail. A student that sees
-    pictures needs `view`.
+    pictures needs `view`, or `views` of several cameras.
     """
-    added = listed(terms)
+    added, cameras = listed(terms), given(view, views)
     if student is not None:
-        contracts.check(student.contract, bundle, view=view, terms=added)
+        contracts.check(student.contract, bundle, views=cameras, terms=added)
     seeds = [seed_of("lesson", options.seed, options.first + number) for number in range(options.episodes)]
     items, apart = dict[str, Episode](), list[float]()
-    made = ctx.backend.teach(ctx, bundle, teacher, student, view, seeds, added, options, ctx.backend_options)
+    made = ctx.backend.teach(ctx, bundle, teacher, student, cameras, seeds, added, options, ctx.backend_options)
     for number, (episode, difference) in enumerate(made):
         items[f"{options.first + number:05d}"] = episode
         apart.append(difference)

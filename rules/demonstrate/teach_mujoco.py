@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.errors import RuleError
+from dextera_build.policy import cameras
 from dextera_build.policy.added import of_specs
 from dextera_build.policy.layout import of_bundle
 from dextera_build.policy.running import Runner
@@ -42,7 +43,7 @@ def teach(
     bundle: TaskBundle,
     teacher: Checkpoint,
     student: Checkpoint | None,
-    view: View | None,
+    views: Mapping[str, View],
     seeds: list[int],
     terms: tuple[TermSpec, ...],
     common: TeachOptions,
@@ -54,10 +55,12 @@ def teach(
     taught = None
     if student is not None:
         runner = ctx.companion("student", student.contract.algorithm, Runner)
-        taught = load(runner, student, bundle, view, terms=terms)
-    sensors = Sensors(of_bundle(bundle, view, terms=environment.specs).terms(None, _sensors(common)), {})
+        taught = load(runner, student, bundle, views, terms=terms)
+    sensors = Sensors(of_bundle(bundle, views, terms=environment.specs).terms(None, _sensors(common)), {})
     sees = [channel.name for channel in student.contract.seen] if student is not None else []
-    opened = pictures.live(environment, view, sees) if view is not None and sees else nullcontext()
+    looking = {name: views[name] for name in sorted({cameras.camera_of(each) for each in sees})}
+    outputs = {cameras.term_of(each) for each in sees}
+    opened = pictures.live(environment, looking, outputs) if looking else nullcontext()
     with opened as look:
         for seed in seeds:
             start = _drawn(environment, seed)

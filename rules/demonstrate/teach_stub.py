@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from dextera_build.artifacts.tasks.episode import Episode
@@ -23,7 +23,7 @@ def teach(
     bundle: TaskBundle,
     teacher: Checkpoint,
     student: Checkpoint | None,
-    view: View | None,
+    views: Mapping[str, View],
     seeds: list[int],
     terms: tuple[TermSpec, ...],
     common: TeachOptions,

@@ -17,12 +17,13 @@ from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.artifacts.tasks.trials import Attempt, Compared
 from dextera_build.policy import contract as contracts
 from dextera_build.policy.added import listed
+from dextera_build.policy.cameras import given
 from dextera_build.rule import Context, Options, rule
 from dextera_build.statistics import decided
 
 from .attempts import resumed
 from .protocol import TOLERANCE, Record, close, policy_label, same_task, seeds
-from .strip import show
+from .strip import first_of, show
 
 
 class BetterOptions(Options):
@@ -50,7 +51,7 @@ class BetterBackend(Protocol):
         ctx: Context,
         bundle: TaskBundle,
         checkpoints: Mapping[str, Checkpoint],
-        view: View | None,
+        views: Mapping[str, View],
         cell: Cell | None,
         twin: TaskBundle | None,
         cases: list[tuple[str, int]],
@@ -74,12 +75,13 @@ class BetterBackend(Protocol):
     tolerance=TOLERANCE,
     runs={"first": "policy", "second": "policy", "bundle": "primitive", "twin": "primitive", "terms": ""},
 )
-def better(
+def better(  # noqa: PLR0913 - one argument per input
     ctx: Context[BetterBackend],
     bundle: TaskBundle,
     first: Checkpoint,
     second: Checkpoint,
     view: View | None = None,
+    views: Collection[View] | None = None,
     cell: Cell | None = None,
     twin: TaskBundle | None = None,
     terms: Collection[TermSpec] | None = None,
@@ -95,15 +97,15 @@ def better(
     """
     if twin is not None:
         same_task(ctx, twin, bundle)
-    checkpoints, added = {"first": first, "second": second}, listed(terms)
+    checkpoints, added, cameras = {"first": first, "second": second}, listed(terms), given(view, views)
     labels = _labels(ctx, checkpoints, options)
     records = {slot: Record(bundle, "exact" if cell is None else "tracked", added, stopped=True) for slot in labels}
     for each in checkpoints.values():
-        contracts.check(each.contract, bundle, view=view, terms=added)
+        contracts.check(each.contract, bundle, views=cameras, terms=added)
 
     def make(left: list[tuple[str, int]]) -> Iterator[Attempt]:
         made: Iterator[Attempt] = ctx.backend.better(
-            ctx, bundle, checkpoints, view, cell, twin, left, added, ctx.backend_options
+            ctx, bundle, checkpoints, cameras, cell, twin, left, added, ctx.backend_options
         )
         return made
 
@@ -111,7 +113,7 @@ def better(
     after = _run(ctx, records, resumed(ctx, cases, make), options)
     for slot, record in records.items():
         close(ctx, record, labels[slot])
-        show(ctx, record, view, options.strip_frames)
+        show(ctx, record, first_of(cameras), options.strip_frames)
     _say(ctx, records, labels, after)
     parts = {
         slot: record.trials(

@@ -26,7 +26,7 @@ def better(
     ctx: Context,
     bundle: TaskBundle,
     checkpoints: Mapping[str, Checkpoint],
-    view: View | None,
+    views: Mapping[str, View],
     cell: Cell | None,
     twin: TaskBundle | None,
     cases: list[tuple[str, int]],
@@ -34,6 +34,6 @@ def better(
     options: Options,
 ) -> Iterator[Attempt]:
     """One attempt per case, in order."""
-    with trying(ctx, bundle, checkpoints, view, cell, twin, terms) as attempt:
+    with trying(ctx, bundle, checkpoints, views, cell, twin, terms) as attempt:
         for slot, seed in cases:
             yield attempt(slot, seed)

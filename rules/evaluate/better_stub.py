@@ -21,7 +21,7 @@ def better(
     ctx: Context,
     bundle: TaskBundle,
     checkpoints: Mapping[str, Checkpoint],
-    view: View | None,
+    views: Mapping[str, View],
     cell: Cell | None,
     twin: TaskBundle | None,
     cases: list[tuple[str, int]],
@@ -30,4 +30,4 @@ def better(
 ) -> Iterator[Attempt]:
     """One attempt per case, in order."""
     for slot, seed in cases:
-        yield from rollouts(ctx, bundle, checkpoints[slot], view, cell, twin, [seed], terms, options)
+        yield from rollouts(ctx, bundle, checkpoints[slot], views, cell, twin, [seed], terms, options)

@@ -16,6 +16,7 @@ from dextera_build.artifacts.tasks.trials import Attempt
 from dextera_build.learning import curve_picture
 from dextera_build.policy import contract as contracts
 from dextera_build.policy.added import listed
+from dextera_build.policy.cameras import given
 from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.statistics import Rate
@@ -47,7 +48,7 @@ class EarlyBackend(Protocol):
         ctx: Context,
         bundle: TaskBundle,
         snapshots: Mapping[int, Checkpoint],
-        view: View | None,
+        views: Mapping[str, View],
         cases: list[Case],
         terms: tuple[TermSpec, ...],
         options: Any,
@@ -68,6 +69,7 @@ def early(
     bundle: TaskBundle,
     checkpoint: Checkpoint,
     view: View | None = None,
+    views: Collection[View] | None = None,
     terms: Collection[TermSpec] | None = None,
     *,
     options: EarlyOptions,
@@ -78,8 +80,8 @@ def early(
     any seed: a success that is reported is not the one that weights were chosen by. Few trials tell when a training
     begins to succeed, not which of two good snapshots is better. Trials of an interrupted build are kept.
     """
-    added = listed(terms)
-    contracts.check(checkpoint.contract, bundle, view=view, terms=added)
+    added, cameras = listed(terms), given(view, views)
+    contracts.check(checkpoint.contract, bundle, views=cameras, terms=added)
     if not checkpoint.snapshots:
         ctx.fail("the checkpoint holds no snapshot", hint="`snapshot_every: 500` in the node that trained it")
     snapshots = _snapshots(checkpoint)
@@ -87,7 +89,9 @@ def early(
     cases = [(step, seed) for step in snapshots for seed in seeds]
 
     def make(left: list[Case]) -> Iterator[Attempt]:
-        made: Iterator[Attempt] = ctx.backend.attempts(ctx, bundle, snapshots, view, left, added, ctx.backend_options)
+        made: Iterator[Attempt] = ctx.backend.attempts(
+            ctx, bundle, snapshots, cameras, left, added, ctx.backend_options
+        )
         return made
 
     records = {step: Record(bundle) for step in snapshots}

@@ -30,13 +30,13 @@ def attempts(
     ctx: Context,
     bundle: TaskBundle,
     snapshots: Mapping[int, Checkpoint],
-    view: View | None,
+    views: Mapping[str, View],
     cases: list[Case],
     terms: tuple[TermSpec, ...],
     options: Options,
 ) -> Iterator[Attempt]:
     """One attempt per case, in order."""
     for step, group in groupby(cases, itemgetter(0)):
-        with trying(ctx, bundle, {"checkpoint": snapshots[step]}, view, None, None, terms) as attempt:
+        with trying(ctx, bundle, {"checkpoint": snapshots[step]}, views, None, None, terms) as attempt:
             for _, seed in group:
                 yield attempt("checkpoint", seed)

@@ -22,7 +22,7 @@ def attempts(
     ctx: Context,
     bundle: TaskBundle,
     snapshots: Mapping[int, Checkpoint],
-    view: View | None,
+    views: Mapping[str, View],
     cases: list[Case],
     terms: tuple[TermSpec, ...],
     options: Options,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, Protocol
 
 import numpy as np
@@ -17,11 +17,12 @@ from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.artifacts.tasks.trials import Attempt, Trials
 from dextera_build.policy import contract as contracts
 from dextera_build.policy.added import listed
+from dextera_build.policy.cameras import given
 from dextera_build.rule import Context, Options, rule
 
 from .attempts import resumed
 from .protocol import TOLERANCE, Record, close, policy_label, same_task, seeds
-from .strip import show
+from .strip import first_of, show
 
 
 class RolloutsOptions(Options):
@@ -45,7 +46,7 @@ class RolloutsBackend(Protocol):
         ctx: Context,
         bundle: TaskBundle,
         checkpoint: Checkpoint,
-        view: View | None,
+        views: Mapping[str, View],
         cell: Cell | None,
         twin: TaskBundle | None,
         seeds: list[int],
@@ -74,6 +75,7 @@ def rollouts(
     bundle: TaskBundle,
     checkpoint: Checkpoint,
     view: View | None = None,
+    views: Collection[View] | None = None,
     cell: Cell | None = None,
     twin: TaskBundle | None = None,
     terms: Collection[TermSpec] | None = None,
@@ -90,13 +92,13 @@ def rollouts(
     """
     if twin is not None:
         same_task(ctx, twin, bundle)
-    added = listed(terms)
-    contracts.check(checkpoint.contract, bundle, view=view, terms=added)
+    added, cameras = listed(terms), given(view, views)
+    contracts.check(checkpoint.contract, bundle, views=cameras, terms=added)
     record = Record(bundle, "exact" if cell is None else "tracked", added)
 
     def make(left: list[int]) -> Iterator[Attempt]:
         made: Iterator[Attempt] = ctx.backend.rollouts(
-            ctx, bundle, checkpoint, view, cell, twin, left, added, ctx.backend_options
+            ctx, bundle, checkpoint, cameras, cell, twin, left, added, ctx.backend_options
         )
         return made
 
@@ -104,6 +106,6 @@ def rollouts(
         record.add(attempt)
         ctx.progress(done, options.trials, f"{record.rate.successes} succeeded")
     close(ctx, record)
-    show(ctx, record, view, options.strip_frames)
+    show(ctx, record, first_of(cameras), options.strip_frames)
     label = options.label or policy_label(checkpoint.contract)
     return record.trials("policy", label=label, source=checkpoint, algorithm=checkpoint.contract.algorithm)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from dextera_build.artifacts.robots.cell import Cell
 from dextera_build.artifacts.tasks.policy import Checkpoint
@@ -26,7 +26,7 @@ def rollouts(
     ctx: Context,
     bundle: TaskBundle,
     checkpoint: Checkpoint,
-    view: View | None,
+    views: Mapping[str, View],
     cell: Cell | None,
     twin: TaskBundle | None,
     seeds: list[int],
@@ -34,6 +34,6 @@ def rollouts(
     options: Options,
 ) -> Iterator[Attempt]:
     """One attempt per seed, in order."""
-    with trying(ctx, bundle, {"checkpoint": checkpoint}, view, cell, twin, terms) as attempt:
+    with trying(ctx, bundle, {"checkpoint": checkpoint}, views, cell, twin, terms) as attempt:
         for seed in seeds:
             yield attempt("checkpoint", seed)

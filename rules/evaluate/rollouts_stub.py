@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -22,7 +22,7 @@ def rollouts(
     ctx: Context,
     bundle: TaskBundle,
     checkpoint: Checkpoint,
-    view: View | None,
+    views: Mapping[str, View],
     cell: Cell | None,
     twin: TaskBundle | None,
     seeds: list[int],

@@ -37,6 +37,11 @@ def strip(rows: Mapping[str, np.ndarray], times_s: np.ndarray) -> np.ndarray:
     return np.pad(sheet, ((GAP, GAP), (GAP, GAP), (0, 0)), constant_values=PAPER[0])
 
 
+def first_of(views: Mapping[str, View]) -> View | None:
+    """The camera of film strips: the first of a policy's cameras by name, or None."""
+    return next((views[name] for name in sorted(views)), None)
+
+
 def show(ctx: Context, record: Record, view: View | None, count: int) -> None:
     """Show a strip of `count` pictures of the first success and of the first failure, if the backend can render."""
     bundle = record.bundle

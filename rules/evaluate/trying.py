@@ -10,6 +10,7 @@ from dextera_build.artifacts.tasks.policy import Checkpoint, PolicyContract
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.artifacts.tasks.trials import Attempt
+from dextera_build.policy import cameras
 from dextera_build.policy.added import of_specs
 from dextera_build.policy.running import Runner
 from dextera_build.rule import Context
@@ -26,7 +27,7 @@ def trying(
     ctx: Context,
     bundle: TaskBundle,
     checkpoints: Mapping[str, Checkpoint],
-    view: View | None,
+    views: Mapping[str, View],
     cell: Cell | None,
     twin: TaskBundle | None,
     terms: tuple[TermSpec, ...],
@@ -37,19 +38,21 @@ def trying(
         ctx: Gives the code that runs the checkpoints.
         bundle: The world.
         checkpoints: Input of the rule -> policy.
-        view: Camera of policies on pictures.
+        views: Cameras of policies on pictures.
         cell: Measures the world; None: poses are exact.
         twin: The task in the twin, in which measurements are judged, too.
         terms: Recorded terms that do not come with dxb.
     """
     policies = {
-        slot: load(ctx.companion(slot, each.contract.algorithm, Runner), each, bundle, view, terms=terms)
+        slot: load(ctx.companion(slot, each.contract.algorithm, Runner), each, bundle, views, terms=terms)
         for slot, each in checkpoints.items()
     }
     environment = Environment(bundle, terms=of_specs(terms, ctx.companion))
     seeing = {slot for slot, each in checkpoints.items() if each.contract.sees}
-    outputs = {channel.name for each in checkpoints.values() for channel in each.contract.seen}
-    opened = pictures.live(environment, view, outputs) if view and seeing else nullcontext()
+    seen = [channel.name for each in checkpoints.values() for channel in each.contract.seen]
+    outputs, used = {cameras.term_of(name) for name in seen}, {cameras.camera_of(name) for name in seen}
+    looking = {name: view for name, view in views.items() if name in used}
+    opened = pictures.live(environment, looking, outputs) if looking else nullcontext()
     names = set[str]().union(*(objects_of(each.contract, bundle) for each in checkpoints.values()))
     tracked = nullcontext() if cell is None else TrackedCell(environment, cell, names, twin)
     with opened as look, tracked as watching:

@@ -53,7 +53,11 @@ def running(rate_hz: float, *faults: Fault) -> Iterator[tuple[Real, RosCell]]:
     ours, theirs = Dds(domain=DOMAIN), Dds(domain=DOMAIN)
     simulation = Simulation(loss=0.0, faults=faults)
     robot = SimulatedRobot(
-        theirs, topics, environment, simulation, lambda: Frame(noise.integers(0, 255, (24, 32, 3), np.uint8))
+        theirs,
+        topics,
+        environment,
+        simulation,
+        lambda: {"workspace": Frame(noise.integers(0, 255, (24, 32, 3), np.uint8))},
     )
     real = Real(robot)
     thread = threading.Thread(target=real.run)

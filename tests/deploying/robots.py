@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -21,7 +21,7 @@ from dextera_build.deploying.demonstration import Demonstration
 from dextera_build.deploying.driving import Acting, Clock, Drive, drive, facts
 from dextera_build.deploying.loopback import Bus, Loopback
 from dextera_build.deploying.simulated import SimulatedRobot, Simulation
-from dextera_build.policy.observation import DeployableObservation, Frame
+from dextera_build.policy.observation import DeployableObservation, Frame, Frames
 from dextera_build.sim.runtime.environment import Environment
 from tests import factories, task_bundles
 
@@ -187,18 +187,20 @@ class Rig:
         out: Any = None,
         bundle: TaskBundle | None = None,
         seed: int | None = None,
-        look: Callable[[Environment], Frame] | None = None,
+        look: Callable[[Environment], Frames] | None = None,
         intrinsics: Camera | None = None,
+        lenses: Mapping[str, Camera] | None = None,
     ) -> None:
         self.bundle = bundle or task_bundles.lift()
         self.time = 1_000 * 1_000_000_000
         self.bus = Bus(now=lambda: self.time)
-        cameras = () if camera is None and look is None else ("workspace",)
+        cameras = tuple(lenses or ()) or (() if camera is None and look is None else ("workspace",))
         topics = tables.of_robot(self.bundle.robot, names or RosNames(), cameras)
         world = Environment(self.bundle)
         shown = None if look is None else partial(look, world)
         if camera is not None:
-            shown = lambda: Frame(camera + np.uint8(self.time // TICK_NS % 2), depth)  # as noise  # noqa: E731
+            noisy = lambda: Frame(camera + np.uint8(self.time // TICK_NS % 2), depth)  # noqa: E731
+            shown = lambda: {"workspace": noisy()}  # noqa: E731
         if seed is not None:
             world.begin(world.draw(seed))
         simulation = simulation or Simulation()
@@ -207,9 +209,10 @@ class Rig:
         self.bag = Bag(self.file)
         believed = topics if cell_names is None else tables.of_robot(self.bundle.robot, cell_names, cameras)
         self.transport = Loopback(self.bus)
-        seen = None if depth is None else factories.camera(depth.shape[1], depth.shape[0])
+        seen = {} if depth is None else {"workspace": factories.camera(depth.shape[1], depth.shape[0])}
+        seen |= lenses or {}
         self.cell = RosCell(
-            self.transport, believed, self.bundle, needed, safety or Safety(), self.bag, sleep=self.sleep, camera=seen
+            self.transport, believed, self.bundle, needed, safety or Safety(), self.bag, sleep=self.sleep, lenses=seen
         )
 
     def sleep(self, seconds: float) -> None:

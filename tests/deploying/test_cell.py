@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 from typing import Any
 from xml.etree import ElementTree
 
@@ -19,8 +20,10 @@ from dextera_build.deploying.simulated import Simulation
 from dextera_build.errors import RuleError
 from dextera_build.formats.ros import reading
 from dextera_build.geometry import poses
+from dextera_build.policy.observation import Frame, Frames
 from dextera_build.sim.model import model as models
 from dextera_build.sim.model.compose import ROBOT
+from dextera_build.sim.runtime.environment import Environment
 from tests import factories, task_bundles
 from tests.deploying import robots
 from tests.deploying.robots import Line, Rig
@@ -134,6 +137,27 @@ def test_a_policy_on_points_gets_them_from_the_depth_of_the_camera() -> None:
     k = factories.camera(64, 48).matrix()
     across = 0.75 * (40 - k[0, 2]) / k[0, 0]
     assert frame.cloud[20, 40] == pytest.approx([across, 0.75 * (20 - k[1, 2]) / k[1, 1], 0.75], abs=1e-6)
+
+
+def test_a_policy_with_two_cameras_gets_from_each_what_it_takes() -> None:
+    shown = itertools.cycle((90, 94))  # as noise
+
+    def look(_: Environment) -> Frames:
+        depth = np.full((32, 48), 0.5, np.float32)
+        front = np.full((48, 64, 3), next(shown), np.uint8)
+        return {"front": Frame(front), "side": Frame(np.full((32, 48, 3), 30, np.uint8), depth)}
+
+    lenses = {"front": factories.camera(64, 48), "side": factories.camera(48, 32)}
+    rig, policy = Rig(look=look, lenses=lenses, needed=("rgb/front", "cloud/side")), Line(TARGETS)
+    ran = rig.drive(policy)
+    assert not ran.faulty, ran.reason
+    front, side = (policy.seen[-1].frames[name] for name in ("front", "side"))
+    assert front.rgb is not None
+    assert int(np.abs(front.rgb.astype(int) - 92).max()) <= 5
+    assert (front.depth, front.cloud, side.rgb) == (None, None, None), "what no channel takes"
+    assert side.cloud is not None
+    assert side.cloud.shape == (32, 48, 3)
+    assert side.cloud[..., 2] == pytest.approx(0.5)
 
 
 def test_a_camera_whose_depth_stays_away_stops_the_run() -> None:

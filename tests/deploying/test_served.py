@@ -63,7 +63,7 @@ def test_a_server_that_does_not_state_its_policy_is_refused() -> None:
     with servers.scripted(servers.foreign(lambda data: None)) as address:
         args = argparse.Namespace(policy=address, api_key=None)
         with pytest.raises(UsageError, match="does not state what its policy takes"):
-            acting.policy(args, Connected(None, None, None, None))  # type: ignore[arg-type]
+            acting.policy(args, Connected(None, None, None, {}, {}))  # type: ignore[arg-type]
 
 
 def test_a_server_that_ends_holds_the_robot() -> None:

@@ -19,7 +19,7 @@ from dextera_build.deploying.faults import Fault
 from dextera_build.deploying.loopback import Loopback
 from dextera_build.deploying.simulated import Simulation
 from dextera_build.deploying.tracking import ObjectTracker, Watched
-from dextera_build.policy.observation import Frame
+from dextera_build.policy.observation import Frame, Frames
 from dextera_build.sim.runtime.cell_camera import CellCamera
 from dextera_build.sim.runtime.cell_tracker import CellTracker
 from dextera_build.sim.runtime.environment import Environment
@@ -78,10 +78,10 @@ def watched(
     names, random, held = names or RosNames(), np.random.default_rng([seed, cell.seed, 3]), ExitStack()
     eyes: list[CellCamera] = []
 
-    def look(there: Environment) -> Frame:
+    def look(there: Environment) -> Frames:
         if not eyes:
             eyes.append(held.enter_context(CellCamera(there, cell)))
-        return Frame(*eyes[0].measured(eyes[0].picture(), random))
+        return {"workspace": Frame(*eyes[0].measured(eyes[0].picture(), random))}
 
     simulation = Simulation(picture_hz=cell.rate_hz, loss=cell.loss, tracks=False, faults=faults, seed=seed)
     with held:

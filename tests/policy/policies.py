@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,8 @@ from dextera_build.code.companions import beside
 from dextera_build.code.loader import Library
 from dextera_build.policy import contract as contracts
 from dextera_build.policy import layout
-from dextera_build.policy.observation import PICTURE, DeployableObservation, Frame, Measurement, deployable
+from dextera_build.policy.cameras import PICTURE, given
+from dextera_build.policy.observation import DeployableObservation, Frame, Measurement, deployable
 from dextera_build.policy.running import Policy
 from tests import episodes
 
@@ -24,18 +26,30 @@ def runner(algorithm: str = "act") -> Any:
     return beside(Library().find(f"learn.{algorithm}"), "policy").module
 
 
-def load(checkpoint: Checkpoint, bundle: TaskBundle, view: View | None = None, **more: float) -> Policy:
+def load(
+    checkpoint: Checkpoint,
+    bundle: TaskBundle,
+    view: View | None = None,
+    *,
+    views: Mapping[str, View] | None = None,
+    **more: float,
+) -> Policy:
     """`sim.runtime.policies.load` with the module of the checkpoint's algorithm."""
     from dextera_build.sim.runtime import policies
 
-    return policies.load(runner(checkpoint.contract.algorithm), checkpoint, bundle, view, **more)
+    return policies.load(runner(checkpoint.contract.algorithm), checkpoint, bundle, views or given(view), **more)
 
 
 def contract(
-    bundle: TaskBundle, inputs: tuple[str, ...] = INPUTS, view: View | None = None, **settings: float
+    bundle: TaskBundle,
+    inputs: tuple[str, ...] = INPUTS,
+    view: View | None = None,
+    *,
+    views: Mapping[str, View] | None = None,
+    **settings: float,
 ) -> PolicyContract:
     """A contract for `bundle` with a very small network; its actions are not normalised."""
-    here = layout.of_bundle(bundle, view)
+    here = layout.of_bundle(bundle, views or given(view))
     count = len(here.joints)
     return PolicyContract(
         algorithm="act",

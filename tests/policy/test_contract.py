@@ -10,6 +10,7 @@ from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.policy import contract as contracts
 from dextera_build.policy import layout
+from dextera_build.policy.cameras import given
 from tests import episodes
 from tests.policy import policies
 
@@ -93,8 +94,8 @@ def test_a_missing_camera_is_refused():
 
 def test_a_view_of_another_size_is_refused():
     seeing = policies.contract(BUNDLE, inputs=("joints", "rgb"), view=episodes.view())
-    contracts.check(seeing, BUNDLE, view=episodes.view())
-    error = refused(seeing, view=episodes.view(128, 96))
+    contracts.check(seeing, BUNDLE, views=given(episodes.view()))
+    error = refused(seeing, views=given(episodes.view(128, 96)))
     assert error.facts == {"a view of another size": "the policy has 64 x 48 px, the bundle has 128 x 96 px"}
 
 

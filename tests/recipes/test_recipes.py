@@ -73,6 +73,15 @@ INPUTS = {
         "reference": "task/kl/lift_mustard_bottle:reference",
         "cell": "task/kl/lift_mustard_bottle:cell",
     },
+    "policy/two_cameras": {
+        "task": "task/kl/lift_mustard_bottle:task",
+        "episodes": "task/kl/lift_mustard_bottle:episodes",
+        "reference": "task/kl/lift_mustard_bottle:reference",
+        "front": "task/kl/lift_mustard_bottle:front",
+        "side": "task/kl/lift_mustard_bottle:side",
+        "front_film": "dataset/kl/lift_mustard_bottle:data.front_film",
+        "side_film": "dataset/kl/lift_mustard_bottle:data.side_film",
+    },
     "capture/cameras": {"robot": "robot/kuka_leap"},
     "capture/recorded_calibration": {"robot": "robot/kuka_leap"},
     "reference/calibrated": {

@@ -56,7 +56,7 @@ def _loaded(args: argparse.Namespace, here: Connected) -> Found:
     terms = tuple(built.terms(session, node, checkpoint))
     runner = built.runner(session, node, checkpoint)
     bundle = robot_run.told(here.bundle, checkpoint.contract)
-    loaded = policies.load(runner, checkpoint, bundle, here.view, terms=terms)
+    loaded = policies.load(runner, checkpoint, bundle, here.seen, terms=terms)
     return loaded, session.output(node), built.measured(session, node, terms)
 
 
@@ -81,4 +81,4 @@ def _asked(args: argparse.Namespace, here: Connected) -> Found:
     settings = asked.promised(said.promise, args.policy, key_in, FIRST_S, Safety().answer_s)
     checkpoint = asked.elsewhere(asked.stated(said.promise, said.digest, settings))
     bundle = robot_run.told(here.bundle, checkpoint.contract)
-    return policies.load(asked, checkpoint, bundle, here.view), said.promise.policy, ()
+    return policies.load(asked, checkpoint, bundle, here.seen), said.promise.policy, ()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,8 +36,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of all verbs of robots."""
     parser.add_argument("target", metavar="RECIPE[:NODE]", help="a task that was built")
     parser.add_argument("--names", metavar="RECIPE:NODE", help="names of the robot, of simulate.ros_names")
-    parser.add_argument("--view", metavar="RECIPE:NODE", help="camera of a policy that takes pictures")
-    parser.add_argument("--camera", default=CAMERA, help=f"name of that camera in topics ({CAMERA})")
+    parser.add_argument(
+        "--view",
+        metavar="RECIPE:NODE",
+        action="append",
+        default=[],
+        help="camera of a policy that takes pictures; of several, each as NAME=RECIPE:NODE",
+    )
+    parser.add_argument("--camera", default=CAMERA, help=f"name of the only camera in topics ({CAMERA})")
     parser.add_argument("--domain", type=int, default=0, help="ROS_DOMAIN_ID of the robot (0)")
     parser.add_argument(
         "--transport",
@@ -60,8 +66,10 @@ class Connected:
     """The task."""
     topics: Topics
     """Topics of the robot."""
-    view: View | None
-    """Camera of policies on pictures."""
+    views: Mapping[str, View]
+    """Camera in topics -> the view of policies on pictures."""
+    seen: Mapping[str, View]
+    """The same by the names of policies, whose only camera is called `PICTURE`."""
 
 
 def opened(args: argparse.Namespace) -> Connected:
@@ -73,13 +81,36 @@ def opened(args: argparse.Namespace) -> Connected:
     from dextera_build.artifacts.robots.ros_names import RosNames
     from dextera_build.artifacts.tasks.task import View
     from dextera_build.deploying import topics
+    from dextera_build.policy.cameras import PICTURE
 
     session, node = options.session(args, args.target, last=True)
     verb = " ".join(filter(None, (args.verb, getattr(args, "what", ""))))
     _, bundle = built.task(args.target, session, node, verb)
     names = built.artifact(args, args.names, RosNames) if args.names else RosNames()
-    view = built.artifact(args, args.view, View) if args.view else None
-    return Connected(session, bundle, topics.of_robot(bundle.robot, names, (args.camera,) if view else ()), view)
+    given = _named(args.view)
+    views = {name or args.camera: built.artifact(args, target, View) for name, target in given.items()}
+    seen = {name or PICTURE: view for name, view in zip(given, views.values(), strict=True)}
+    return Connected(session, bundle, topics.of_robot(bundle.robot, names, views), views, seen)
+
+
+def _named(given: Sequence[str]) -> dict[str, str]:
+    """Name of each camera -> its target; the only one may have none.
+
+    Raises:
+        UsageError: There are several, and not each has a name of its own.
+    """
+    from dextera_build.errors import UsageError
+    from dextera_build.policy.cameras import NAME
+
+    found = {name: target for name, _, target in (text.rpartition("=") for text in given)}
+    if len(found) < len(given) or not all(map(NAME.fullmatch, found if len(given) > 1 else filter(None, found))):
+        raise UsageError(
+            "several cameras need a name each, of small letters, digits and underscores",
+            code="DXB-U353",
+            facts={"given": " ".join(given)},
+            hint="`--view front=RECIPE:NODE --view side=RECIPE:NODE`",
+        )
+    return found
 
 
 def kept(args: argparse.Namespace, limits: Limits) -> Limits:
@@ -90,7 +121,7 @@ def kept(args: argparse.Namespace, limits: Limits) -> Limits:
 
 
 def watched(args: argparse.Namespace, here: Connected) -> Topics:
-    """Topics of the robot with those of its camera, whether or not a policy takes pictures."""
+    """Topics of the robot with those of its only camera, whether or not a policy takes pictures."""
     from dextera_build.deploying import topics
 
     return topics.of_robot(here.bundle.robot, here.topics.names, (args.camera,))

@@ -52,7 +52,7 @@ def _doctor(args: argparse.Namespace) -> int:
     from dextera_build.deploying.checkup import checkup
 
     here = connected.opened(args)
-    needed = [*(("rgb",) if here.view else ()), *(record.NEEDED if args.cell else ())]
+    needed = [*(("rgb",) if here.views else ()), *(record.NEEDED if args.cell else ())]
     safety = Safety(limits=connected.kept(args, GUARDED))
     with beside.tracker(args):
         transport = connected.transport(args, (args.robot,))

@@ -70,8 +70,8 @@ def run(args: argparse.Namespace) -> int:
         needed = [channel.name for channel in policy.contract.inputs]
         needed += ["objects", "displacement"] if terms else []  # a term may be computed from each
         with beside.tracker(args), connected.recorded(args, out) as (transport, bag):
-            camera = here.view.camera if here.view else None
-            cell = RosCell(transport, here.topics, here.bundle, needed, safety, bag, camera=camera)
+            lenses = {name: view.camera for name, view in here.views.items()}
+            cell = RosCell(transport, here.topics, here.bundle, needed, safety, bag, lenses=lenses)
             connected.refuse(args, here, transport, cell)
             about = {"policy": digest, "algorithm": policy.contract.algorithm, "origin": "policy"}
             bag.describe(here.bundle, time.time_ns())

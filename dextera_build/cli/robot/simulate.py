@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from dextera_build.cli.robot.connected import Connected
     from dextera_build.deploying.faults import Fault
     from dextera_build.deploying.simulated import SimulatedRobot
-    from dextera_build.policy.observation import Frame
+    from dextera_build.policy.observation import Frames
     from dextera_build.sim.runtime.environment import Environment
 
-    Look = Callable[[], Frame] | None
+    Look = Callable[[], Frames] | None
 
 MOST_CLOCK_S = 1e6
 """Most by which the clock of the stamps may be off [s]."""
@@ -88,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
         seed=args.seed,
     )
     topics, camera = (here.topics, None) if cell is None else (connected.watched(args, here), cell.camera)
-    with _looking(here, cell, environment, args.seed) as look:
+    with _looking(here, cell, environment, args) as look:
         robot = SimulatedRobot(transport, topics, environment, simulation, look, camera)
         print(
             f"simulated robot in domain {args.domain} by {args.transport}; press Ctrl-C to stop",
@@ -114,7 +114,7 @@ def _cell(args: argparse.Namespace) -> Cell | None:
 
     if args.cell and args.view:
         raise UsageError(
-            "a simulated robot has one camera, of `--cell` or of `--view`",
+            "a simulated robot has the camera of `--cell`, or those of `--view`",
             code="DXB-U351",
             hint="`--cell` for a tracker, `--view` for a policy that takes pictures",
         )
@@ -122,8 +122,8 @@ def _cell(args: argparse.Namespace) -> Cell | None:
 
 
 @contextmanager
-def _looking(here: Connected, cell: Cell | None, environment: Environment, seed: int) -> Iterator[Look]:
-    """Gives frames of the stated camera; None: there is none."""
+def _looking(here: Connected, cell: Cell | None, environment: Environment, args: argparse.Namespace) -> Iterator[Look]:
+    """Gives frames of the stated cameras; None: there is none."""
     import numpy as np
 
     from dextera_build.policy.observation import Frame
@@ -131,11 +131,11 @@ def _looking(here: Connected, cell: Cell | None, environment: Environment, seed:
     from dextera_build.sim.runtime.cell_camera import CellCamera
 
     if cell is not None:
-        random = np.random.default_rng([seed, cell.seed, 3])
+        random = np.random.default_rng([args.seed, cell.seed, 3])
         with CellCamera(environment, cell) as camera:
-            yield lambda: Frame(*camera.measured(camera.picture(), random))
-    elif here.view is not None:
-        with pictures.live(environment, here.view, ("rgb", "depth")) as look:
+            yield lambda: {args.camera: Frame(*camera.measured(camera.picture(), random))}
+    elif here.views:
+        with pictures.live(environment, here.views, ("rgb", "depth")) as look:
             yield look
     else:
         yield None

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from dextera_build.artifacts.base import Value
 from dextera_build.artifacts.tasks.policy import Channel
-from dextera_build.policy.contract import CAMERAS
+from dextera_build.policy import cameras
 
 WIRE: Final = "dxb/1"
 RESET = "reset"
@@ -33,7 +33,7 @@ class Input(Value):
 
     def channel(self) -> Channel:
         """The channel of a contract; the server normalises."""
-        encoding = CAMERAS.get(self.name, "plain")
+        encoding = cameras.TERMS.get(cameras.term_of(self.name), "plain")
         return Channel(name=self.name, shape=self.shape, names=self.names, encoding=encoding)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -18,7 +18,7 @@ def load(
     runner: Runner,
     checkpoint: Checkpoint,
     bundle: TaskBundle,
-    view: View | None = None,
+    views: Mapping[str, View] | None = None,
     *,
     rate_hz: float | None = None,
     terms: Collection[TermSpec] = (),
@@ -29,7 +29,7 @@ def load(
         runner: The module `policy.py` of the algorithm that trained it.
         checkpoint: Weights and contract.
         bundle: The world's task; twin, reference or perturbed.
-        view: The camera of an image policy.
+        views: The cameras of an image policy; the only one is called `PICTURE`.
         rate_hz: Control rate [Hz]; None: the bundle's.
         terms: Terms of observations that do not come with dxb.
 
@@ -37,6 +37,6 @@ def load(
         RuleError: The policy does not fit the bundle, or the weights are corrupt.
     """
     contract = checkpoint.contract
-    contracts.check(contract, bundle, rate_hz, view, terms)
+    contracts.check(contract, bundle, rate_hz, views, terms)
     limits = np.array([(joint.lower, joint.upper) for joint in bundle.robot.joints])
-    return Policy(contract, of_bundle(bundle, view, rate_hz, terms), runner.predict(checkpoint, bundle), limits)
+    return Policy(contract, of_bundle(bundle, views, rate_hz, terms), runner.predict(checkpoint, bundle), limits)

@@ -9,13 +9,13 @@ import numpy as np
 
 from dextera_build.artifacts.tasks.episode import Episode, Start
 from dextera_build.policy.cell import RobotCell
-from dextera_build.policy.observation import PICTURE, DeployableObservation, Frame, deployable
+from dextera_build.policy.observation import DeployableObservation, Frames, deployable
 from dextera_build.policy.running import PolicyFault
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.recorder import Recorder
 
-Look = Callable[[], Frame]
-"""Returns the frame of a camera in the environment's current state."""
+Look = Callable[[], Frames]
+"""Returns the frames of cameras in the environment's current state."""
 
 
 class Acting(Protocol):
@@ -48,7 +48,7 @@ def closed_loop(
         environment: The task; the episode is begun here, without state from an earlier one.
         policy: Receives only deployable observations.
         start: Start of the episode.
-        look: Camera of an image policy; called once per control period.
+        look: Cameras of an image policy; called once per control period.
         cell: Measures and sends instead of the simulator. The episode and its success are nevertheless those of the
             true state.
     """
@@ -60,7 +60,7 @@ def closed_loop(
     driven: RobotCell = environment if cell is None else cell
     while True:
         try:
-            seen = driven.measure({PICTURE: look()} if look else None)
+            seen = driven.measure(look() if look else None)
             action = policy.act(deployable(seen, environment.previous_action, environment.goal, environment.added))
             recorder.before(action)
             recorder.after(driven.send(action))

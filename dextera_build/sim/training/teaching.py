@@ -16,7 +16,7 @@ from dextera_build.errors import RuleError
 from dextera_build.policy import contract as contracts
 from dextera_build.policy.features import Reader, observed
 from dextera_build.policy.layout import WORLD, of_bundle, world_flag
-from dextera_build.policy.observation import PICTURE, deployable
+from dextera_build.policy.observation import deployable
 from dextera_build.policy.running import Policy, PolicyFault, Runner
 from dextera_build.sim.observe.progress import Progress
 from dextera_build.sim.observe.sensors import Sensors
@@ -103,7 +103,7 @@ def lesson(
         start: Start of the episode.
         sensors: Their noise, delay and losses, drawn from the seed of the start.
         led: Probability that the teacher acts in a control period, 0..1.
-        look: Camera of a student that sees.
+        look: Cameras of a student that sees.
     """
     environment.begin(start)
     sensors.reset(start.seed, start.variation.noise)
@@ -112,7 +112,7 @@ def lesson(
     random = np.random.default_rng([start.seed, 7])
     recorder, apart = Recorder(environment), list[float]()
     while True:
-        frames = {PICTURE: look()} if look else None
+        frames = look() if look else None
         seen = sensors.measure(environment.measure(frames), environment.steps * environment.period_s)
         shown = deployable(seen, environment.previous_action, environment.goal, environment.added)
         try:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.tasks.backdrop import Backdrop
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.mixture import Mixture
 from dextera_build.artifacts.tasks.pixels import Pixels
 from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.learning.backdrops import behind
 from dextera_build.learning.imitation import TOLERANCE, ImitationBackend, imitated
 from dextera_build.learning.parts import parts_of
 from dextera_build.rule import Context, rule
@@ -25,13 +27,16 @@ def act(
     episodes: Episodes | Mixture,
     film: Film | Pixels | None = None,
     films: Collection[Film | Pixels] | None = None,
+    backdrop: Backdrop | None = None,
+    backdrops: Collection[Backdrop] | None = None,
     *,
     options: ActOptions,
 ) -> Checkpoint:
     """Return a policy that imitates the episodes, trained with ACT on deployable observations.
 
     Of a mixture, every batch has exactly the numbers of samples that its weights say, and input `world` tells the
-    policy which world a sample is from; `films` are its pictures by label. `demonstrate.unpack` decodes films once.
+    policy which world a sample is from. `film` is what the only camera saw, `films` what several saw, by camera; of a
+    mixture they are by label, or by `LABEL.CAMERA`. `demonstrate.unpack` decodes films once.
     An interrupted training resumes and ends with the same weights.
     """
     if options.width % options.heads:
@@ -40,5 +45,5 @@ def act(
         ctx.fail(
             f"every {options.every} is more than the {options.chunk} steps of a chunk", hint=f"every: {options.chunk}"
         )
-    parts = parts_of(episodes, film, films)
+    parts = behind(parts_of(episodes, film, films), options.swap, backdrop, backdrops)
     return imitated(ctx, bundle, parts, options, algorithm="act", settings=SETTINGS, loss="L1 loss")

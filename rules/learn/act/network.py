@@ -2,7 +2,8 @@
 
 In training, an encoder maps the demonstrated chunk to a latent, the "style"; the transformer predicts the chunk from
 that latent and the observation. At run time the latent is 0. Blocks use pre-normalisation, which trains without a
-warm-up of thousands of steps, and a small convolutional network encodes images instead of a pretrained ResNet-18.
+warm-up of thousands of steps, and a small convolutional network encodes images instead of a pretrained ResNet-18; as
+there, one network encodes those of all cameras.
 """
 
 from __future__ import annotations
@@ -112,7 +113,7 @@ class Act(nn.Module):
         self.embed = nn.ModuleDict({name: nn.Linear(features, width) for name, (_, features) in inputs.items()})
         count = 1 + sum(tokens for tokens, _ in inputs.values())
         self.place = nn.Parameter(torch.randn(count, width) * 0.02)
-        self.eyes = Eyes(contract, width) if looks else None
+        self.eyes = Eyes(contract, width, shared=True) if looks else None
         self.locate = nn.Linear(looks * width, sizes.located) if looks and sizes.located else None
         self.embed_latent = nn.Linear(sizes.latent, width)
         self.encoder = nn.ModuleList(Block(sizes, dropout) for _ in range(sizes.encoder_layers))
@@ -132,7 +133,7 @@ class Act(nn.Module):
         Args:
             inputs: Channel -> (B, tokens, features) float32; those of a camera as `Eyes` takes them.
             latent: (B, Z) style.
-            seen: (B, S, W) tokens of the camera, if `see` has already computed them.
+            seen: (B, S, W) tokens of the cameras, if `see` has already computed them.
         """
         tokens = self._tokens(inputs)
         if latent is None:
@@ -151,7 +152,7 @@ class Act(nn.Module):
         return out
 
     def see(self, inputs: Mapping[str, Tensor]) -> Tensor | None:
-        """(B, S, W) tokens of the channels of a camera, or None for a policy without any."""
+        """(B, S, W) tokens of the channels of cameras, or None for a policy without any."""
         return None if self.eyes is None else self.eyes(inputs)
 
     def encode(self, inputs: Mapping[str, Tensor], actions: Tensor, keep: Tensor) -> tuple[Tensor, Tensor]:

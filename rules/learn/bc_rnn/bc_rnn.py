@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.tasks.backdrop import Backdrop
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.mixture import Mixture
 from dextera_build.artifacts.tasks.pixels import Pixels
 from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.learning.backdrops import behind
 from dextera_build.learning.imitation import TOLERANCE, ImitationBackend, imitated
 from dextera_build.learning.parts import parts_of
 from dextera_build.rule import Context, rule
@@ -28,6 +30,8 @@ def bc_rnn(
     episodes: Episodes | Mixture,
     film: Film | Pixels | None = None,
     films: Collection[Film | Pixels] | None = None,
+    backdrop: Backdrop | None = None,
+    backdrops: Collection[Backdrop] | None = None,
     *,
     options: BcRnnOptions,
 ) -> Checkpoint:
@@ -38,5 +42,5 @@ def bc_rnn(
     logarithm of the likelihood of the demonstrated action, divided by the number of joints. Data are as in `learn.act`.
     An interrupted training resumes and ends with the same weights.
     """
-    parts = parts_of(episodes, film, films)
+    parts = behind(parts_of(episodes, film, films), options.swap, backdrop, backdrops)
     return imitated(ctx, bundle, parts, options, algorithm="bc_rnn", settings=SETTINGS, loss="negative log-likelihood")

@@ -2,7 +2,8 @@
 
 The original bounds the means of the Gaussians by tanh, because its actions are scaled to -1..1. Here actions are
 normalised by their mean and standard deviation and have no bound, so means are linear in the state of the LSTM. That
-state is within -1..1, so means are bounded for any input, and the policy keeps targets within joint limits.
+state is within -1..1, so means are bounded for any input, and the policy keeps targets within joint limits. Each camera
+has an encoder of its own, as in robomimic.
 """
 
 from __future__ import annotations

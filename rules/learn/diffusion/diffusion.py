@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.tasks.backdrop import Backdrop
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.mixture import Mixture
 from dextera_build.artifacts.tasks.pixels import Pixels
 from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.learning.backdrops import behind
 from dextera_build.learning.imitation import TOLERANCE, ImitationBackend, imitated
 from dextera_build.learning.parts import parts_of
 from dextera_build.rule import Context, rule
@@ -27,6 +29,8 @@ def diffusion(
     episodes: Episodes | Mixture,
     film: Film | Pixels | None = None,
     films: Collection[Film | Pixels] | None = None,
+    backdrop: Backdrop | None = None,
+    backdrops: Collection[Backdrop] | None = None,
     *,
     options: DiffusionOptions,
 ) -> Checkpoint:
@@ -36,7 +40,7 @@ def diffusion(
     like that of `learn.act`, may do the average. Mixtures, films and interruptions are as in `learn.act`.
     """
     _check(ctx, options)
-    parts = parts_of(episodes, film, films)
+    parts = behind(parts_of(episodes, film, films), options.swap, backdrop, backdrops)
     return imitated(ctx, bundle, parts, options, algorithm="diffusion", settings=SETTINGS, loss="error of the noise")
 
 

@@ -1,7 +1,7 @@
 """The network of Diffusion Policy: it tells the noise in a window of actions from what was observed.
 
 The window begins at the oldest observed step. Vector channels of each observed step are the condition as they are;
-what a camera gives is encoded by small networks instead of a ResNet-18.
+what a camera gives is encoded by small networks instead of a ResNet-18, as there by one of its own for each camera.
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ from dextera_build.artifacts.tasks.policy import Channel
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.errors import RuleError, listing
 from dextera_build.policy import contract as contracts
+from dextera_build.policy.cameras import PICTURE, Shown, given
 from dextera_build.policy.layout import Layout, of_bundle
 from dextera_build.policy.terms import Term
 
@@ -94,7 +95,7 @@ def observed(bundle: TaskBundle, data: Folder, view: View | None) -> Observed:
     """
     check(bundle, described(data))
     features = described(data, "meta/info.json")["features"]
-    here = of_bundle(bundle, view)
+    here = of_bundle(bundle, given(view))
     vectors = _vectors(here)
     channels: list[Channel] = []
     made: dict[str, list[str]] = {}
@@ -134,9 +135,9 @@ def _picture(here: Layout, name: str, facts: dict[str, Any], known: list[Channel
         raise _other(name, "depth", "colours alone, for these trainers")
     if any(channel.encoding == "picture" for channel in known):
         raise _other(name, "a second camera", "one")
-    if here.picture != (height, width):
-        there = "no view" if here.picture is None else f"{here.picture[1]} x {here.picture[0]} px"
-        raise _other(name, f"{width} x {height} px", there)
+    shown, wanted = here.cameras.get(PICTURE), Shown(height, width)
+    if shown != wanted:
+        raise _other(name, wanted.size, "no view" if shown is None else shown.size)
     return contracts.channel(here, "rgb")
 
 

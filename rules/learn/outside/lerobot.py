@@ -8,6 +8,7 @@ from typing import Any, Protocol
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.policy.cameras import given
 from dextera_build.policy.layout import of_bundle
 from dextera_build.rule import Context, rule
 
@@ -50,7 +51,7 @@ def lerobot(
         "base": exported.digest_of(base) if base is not None else "",
         "seed": options.seed,
     }
-    made = checkpoint(ctx, of_bundle(bundle, view), seen.channels, data, trained, settings)
+    made = checkpoint(ctx, of_bundle(bundle, given(view)), seen.channels, data, trained, settings)
     ctx.say(
         f"{options.type} of LeRobot {trained.facts['version']}: {', '.join(seen.features)}; {options.steps:,} steps, "
         f"loss {trained.curve[-1]:.3f}"

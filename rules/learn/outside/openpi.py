@@ -7,6 +7,7 @@ from typing import Any, Protocol
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.policy.cameras import given
 from dextera_build.policy.layout import of_bundle
 from dextera_build.rule import Context, rule
 
@@ -45,7 +46,7 @@ def openpi(
     cameras = [name for name, inputs in seen.features.items() if inputs == ["rgb"]]
     if not cameras:
         ctx.fail("the data set has no pictures", hint="export it with a `film`")
-    here = of_bundle(bundle, view)
+    here = of_bundle(bundle, given(view))
     if len(here.joints) > MOST:
         ctx.fail(f"the robot has {len(here.joints)} joints, {options.model} has {MOST} numbers in an action")
     trained = ctx.backend.train(ctx, data, cameras[0], len(here.joints), options, ctx.backend_options)

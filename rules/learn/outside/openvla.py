@@ -9,6 +9,7 @@ from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.policy import contract as contracts
+from dextera_build.policy.cameras import given
 from dextera_build.policy.layout import of_bundle
 from dextera_build.rule import Context, rule
 
@@ -37,7 +38,7 @@ def openvla(
     name = _name(ctx, data)
     exported.check(bundle, json.loads(exported.described(data, f"{name}/1.0.0/dataset_info.json")["description"]))
     _check_pictures(ctx, data, name)
-    here = of_bundle(bundle, view)
+    here = of_bundle(bundle, given(view))
     trained = ctx.backend.train(ctx, data, options, ctx.backend_options)
     settings = {"program": "openvla", "unnorm_key": name}
     made = checkpoint(ctx, here, (contracts.channel(here, "rgb"),), data, trained, settings)

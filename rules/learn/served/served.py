@@ -9,8 +9,8 @@ from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.tasks.policy import SEEN, Channel, Checkpoint, PolicyContract
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.artifacts.tasks.term import TermSpec
+from dextera_build.policy import cameras, instruction
 from dextera_build.policy import contract as contracts
-from dextera_build.policy import instruction
 from dextera_build.policy.added import listed
 from dextera_build.policy.layout import Layout, of_bundle
 from dextera_build.policy.wire.asked import Settings, elsewhere, promised, stated
@@ -37,6 +37,7 @@ def served(
     ctx: Context[ServedBackend],
     bundle: TaskBundle,
     view: View | None = None,
+    views: Collection[View] | None = None,
     terms: Collection[TermSpec] | None = None,
     *,
     options: ServedOptions,
@@ -45,14 +46,14 @@ def served(
 
     A server of `dxb serve` states its contract, and is refused if it does not fit the task. Of other servers, the
     options say what they take: channels by their keys, and absolute joint targets [rad] in the order of the robot's
-    joints as the answer. `view` is the camera of `rgb`.
+    joints as the answer. `view` is the camera of `rgb`, `views` are several, of `rgb/NAME`.
     """
     said = ctx.backend.asked(ctx, options, ctx.backend_options)
-    added = listed(terms)
-    here = of_bundle(bundle, view, terms=added)
+    added, shown = listed(terms), cameras.given(view, views)
+    here = of_bundle(bundle, shown, terms=added)
     settings = _settings(ctx, bundle, said, options)
     contract = stated(said.promise, said.digest, settings) if said.promise else _given(here, said, options, settings)
-    contracts.check(contract, bundle, view=view, terms=added)
+    contracts.check(contract, bundle, views=shown, terms=added)
     inputs = ", ".join(channel.name for channel in contract.inputs)
     steps = f"{settings['every']} of {settings['horizon']} steps"
     ctx.say(f"{said.promise.algorithm if said.promise else 'a policy'} at {options.address}: {inputs}; {steps}")
@@ -62,7 +63,7 @@ def served(
 def _given(here: Layout, said: Said, options: ServedOptions, settings: Settings) -> PolicyContract:
     """The contract that the options and the task give; nothing is normalised, and poses stay quaternions."""
     names = options.inputs or (("rgb",) if options.address.startswith(POSTED) else DEFAULT)
-    channels = (contracts.channel(here, name) for name in names)
+    channels = (contracts.channel(here, name) for name in cameras.spread(names, here.cameras))
     return PolicyContract(
         algorithm="served",
         task=here.task,

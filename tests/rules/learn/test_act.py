@@ -16,7 +16,8 @@ from pydantic import ValidationError
 from dextera_build.artifacts.tasks.episode import Episode
 from dextera_build.errors import MachineError, RuleError
 from dextera_build.learning import weights
-from dextera_build.policy.observation import PICTURE, Frame, Measurement, deployable
+from dextera_build.policy.cameras import PICTURE
+from dextera_build.policy.observation import Frame, Measurement, deployable
 from dextera_build.testing import RuleRunner
 from tests import episodes
 from tests.policy import policies

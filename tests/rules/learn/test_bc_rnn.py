@@ -15,7 +15,8 @@ from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.errors import RuleError
 from dextera_build.learning import weights
 from dextera_build.learning.samples import Batch
-from dextera_build.policy.observation import PICTURE, Frame, Measurement, deployable
+from dextera_build.policy.cameras import PICTURE
+from dextera_build.policy.observation import Frame, Measurement, deployable
 from tests import episodes
 from tests.policy.policies import contract, load, runner
 from tests.rules.learn.trainings import BUNDLE, FEW, Trainings, changed, filmed, miss

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from dextera_build.artifacts.tasks.episode import Episodes, Film
+from dextera_build.artifacts.tasks.episode import Episode, Episodes, Film
 from dextera_build.artifacts.tasks.policy import Channel, Checkpoint
 from dextera_build.errors import RuleError
 from dextera_build.geometry import cameras
@@ -19,7 +19,8 @@ from dextera_build.learning.eye import Cloud
 from dextera_build.learning.options import ImitationOptions
 from dextera_build.learning.parts import parts_of
 from dextera_build.policy import features
-from dextera_build.policy.observation import PICTURE, Frame, Measurement, deployable
+from dextera_build.policy.cameras import PICTURE
+from dextera_build.policy.observation import DeployableObservation, Frame, Measurement, deployable
 from dextera_build.policy.running import PolicyFault
 from dextera_build.serving.served import Served
 from dextera_build.testing import RuleRunner
@@ -68,9 +69,13 @@ def frame(depth: np.ndarray) -> Frame:
 
 def act(made: Checkpoint, seen: Frame) -> np.ndarray:
     """The first targets of a policy, without a pose of any object."""
-    policy, one = load(made, BUNDLE, VIEW), episodes.episode()
+    return load(made, BUNDLE, VIEW).act(observed(episodes.episode(), seen))
+
+
+def observed(one: Episode, seen: Frame) -> DeployableObservation:
+    """The first observation of an episode, without a pose of any object."""
     measured = Measurement(one.joints[0], np.full((2, 7), np.nan), np.full(1, np.nan), {PICTURE: seen})
-    return policy.act(deployable(measured, one.start.ctrl, one.goal))
+    return deployable(measured, one.start.ctrl, one.goal)
 
 
 @pytest.mark.parametrize("name", ["depth", "cloud"])
@@ -79,8 +84,7 @@ def test_what_is_learned_from_is_what_is_seen_at_run_time(name: str) -> None:
     prepared = prepare(BUNDLE, parts_of(data, filmed(data)), Selection(("joints", name)), algorithm="act", settings={})
     channel = prepared.contract.inputs[1]
     assert channel.shape == {"depth": (32, 48), "cloud": (32, 48, 3)}[name]
-    assert prepared.sight is not None
-    shown = prepared.sight.at(channel, np.array([8]))
+    shown = prepared.sight[PICTURE].at(channel, np.array([8]))
     seen = frame(depth_of(data.items["1"].objects[2, 0, :2]))
     given = features.measured(channel, np.asarray(getattr(seen, name))[None])
     np.testing.assert_allclose(shown, given, atol=1e-6)

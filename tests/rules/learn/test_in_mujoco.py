@@ -8,14 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.tasks.episode import Episodes
+from dextera_build.artifacts.tasks.pixels import Pixels
 from dextera_build.artifacts.tasks.policy import Checkpoint
+from dextera_build.artifacts.tasks.task import View
+from dextera_build.errors import RuleError
 from dextera_build.policy.layout import gathered
 from dextera_build.policy.observation import DeployableObservation
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.rollout import closed_loop
 from dextera_build.testing import RuleRunner
-from tests import gate
+from tests import factories, gate
 
 AHEAD_RAD = 0.08
 """How far the demonstrator's targets lead the joint, which makes its speed."""
@@ -73,6 +77,36 @@ def test_a_policy_on_depth_or_points_does_what_was_filmed(tmp_path: Path, shown:
     made = runner.run("learn.act", backend="torch", bundle=BUNDLE, episodes=shown, film=film, options=options)
     found = runner.run("evaluate.rollouts", checkpoint=made, options={"trials": 10}, **seen)
     assert found.successes >= 6, found.reasons
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("rule", "options"),
+    [
+        ("learn.act", {"width": 32, "heads": 2, "chunk": 10}),
+        ("learn.bc_rnn", {"hidden": 32}),
+        ("learn.diffusion", {"width": 16, "levels": 2, "horizon": 8, "every": 4}),
+    ],
+)
+def test_a_policy_with_two_cameras_does_what_they_filmed(
+    tmp_path: Path, shown: Episodes, rule: str, options: dict[str, Any]
+) -> None:
+    runner = RuleRunner(tmp_path, made_by={"checkpoint": rule})
+    above = factories.placed(factories.look_at((0.3, -0.1, 0.9)), "camera")
+    cameras = {"front": gate.view(), "above": View(camera=factories.camera(48, 48), camera_pose=above)}
+    pixels = {}
+    for name, view in cameras.items():
+        seen = {"bundle": BUNDLE, "episodes": shown, "view": view}
+        film = runner.run("demonstrate.film", options={"camera": name}, **seen)
+        pixels[name] = runner.run("demonstrate.unpack", film=film)
+    films, views = Collection[Pixels](items=pixels), Collection[View](items=cameras)
+    more = {"steps": 400, "batch": 32, "warm_up": 50, "held_out": 0.0, "inputs": ("joints", "rgb")}
+    made = runner.run(rule, backend="torch", bundle=BUNDLE, episodes=shown, films=films, options=more | options)
+    assert [channel.shape for channel in made.contract.seen] == [(48, 48, 3), (48, 64, 3)]
+    found = runner.run("evaluate.rollouts", bundle=BUNDLE, checkpoint=made, views=views, options={"trials": 10})
+    assert found.successes >= 6, found.reasons
+    with pytest.raises(RuleError, match="no camera `above`, no camera `front`"):
+        runner.run("evaluate.rollouts", bundle=BUNDLE, checkpoint=made, view=gate.view(), options={"trials": 1})
 
 
 @pytest.mark.slow

@@ -40,8 +40,8 @@ class Trainings:
     """Options that make a training quick."""
 
     def learn(self, tmp_path: Path, data: Episodes | Mixture, backend: str = "torch", **more: Any) -> Checkpoint:
-        """The policy of a training; `more` are options, `film` and `films`."""
-        film = {name: more.pop(name) for name in ("film", "films") if name in more}
+        """The policy of a training; `more` are options, and inputs of pictures."""
+        film = {name: more.pop(name) for name in ("film", "films", "backdrop", "backdrops") if name in more}
         options = {**self.small, **more}
         made = RuleRunner(tmp_path, gpu_gb=80.0 if backend == "cuda" else 0.0).run(
             self.rule, backend=backend, bundle=BUNDLE, episodes=data, options=options, **film

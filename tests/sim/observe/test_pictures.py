@@ -7,8 +7,8 @@ import pytest
 
 from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.artifacts.tasks.task import Reset, TaskBundle, View
+from dextera_build.policy.cameras import PICTURE
 from dextera_build.policy.layout import embodiment
-from dextera_build.policy.observation import PICTURE
 from dextera_build.sim.observe import pictures
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.rollout import closed_loop
@@ -49,7 +49,7 @@ class Watching:
 def watched(bundle: TaskBundle) -> tuple[np.ndarray, Episode]:
     """Pictures (T, H, W, 3) before a policy in a rollout, and the episode that was recorded."""
     environment, policy = Environment(bundle), Watching()
-    with pictures.live(environment, view()) as look:
+    with pictures.live(environment, {PICTURE: view()}) as look:
         made = closed_loop(environment, policy, environment.draw(SEED), look)
     return np.stack(policy.seen), made
 
@@ -92,7 +92,7 @@ def test_a_film_shows_the_robot_on_the_base_that_its_start_has():
     bundle = task(0.0)
     environment, policy = Environment(bundle), Watching()
     start = environment.draw(SEED).model_copy(update={"base_error": (0.02, 0.01, 0.03, 0.0, 0.0, 0.2)})
-    with pictures.live(environment, view()) as look:
+    with pictures.live(environment, {PICTURE: view()}) as look:
         episode = closed_loop(environment, policy, start, look)
     seen = np.stack(policy.seen)
     assert largest_difference(filmed(bundle, episode), seen) <= 2
@@ -114,8 +114,8 @@ def test_cameras_of_the_world_that_replaces_hardware_stay_where_they_are():
     environment = Environment(bundle)
     start = environment.draw(SEED)
     plain = start.model_copy(update={"seed": SEED + 1})
-    with pictures.live(environment, view()) as look:
+    with pictures.live(environment, {PICTURE: view()}) as look:
         environment.begin(start)
-        one = look()
+        one = look()[PICTURE]
         environment.begin(plain)
-        assert look().rgb.tobytes() == one.rgb.tobytes()
+        assert look()[PICTURE].rgb.tobytes() == one.rgb.tobytes()

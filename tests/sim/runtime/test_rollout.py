@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from dextera_build.policy.cameras import PICTURE
 from dextera_build.policy.observation import Frame
 from dextera_build.policy.running import PolicyFault
 from dextera_build.sim.runtime.environment import Environment
@@ -60,7 +61,7 @@ def test_it_sees_the_joints_and_what_was_sent_before(environment):
 
 def test_the_picture_is_of_the_moment(environment):
     policy, count = Constant(gate.PUSHES), iter(range(100))
-    look = lambda: Frame(np.full((2, 2, 3), next(count), np.uint8))  # noqa: E731
+    look = lambda: {PICTURE: Frame(np.full((2, 2, 3), next(count), np.uint8))}  # noqa: E731
     episode = closed_loop(environment, policy, drawn(environment), look)
     assert [int(seen.rgb[0, 0, 0]) for seen in policy.seen] == list(range(len(episode.action)))
 
