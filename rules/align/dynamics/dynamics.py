@@ -13,9 +13,6 @@ from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.policy.contract import check_data
 from dextera_build.rule import Context, Options, rule
 
-SHORTEST = 20
-"""Number of control periods below which a recording is left out."""
-
 
 class DynamicsOptions(Options):
     """Options of align.dynamics."""
@@ -38,7 +35,7 @@ class DynamicsBackend(Protocol):
     def estimate(
         self, ctx: Context, bundle: TaskBundle, episodes: Sequence[Episode], common: DynamicsOptions, options: Any
     ) -> DynamicsEstimate:
-        """Estimate everything from these recordings."""
+        """Estimate everything from at most `common.runs` of these recordings."""
         ...
 
 
@@ -75,16 +72,7 @@ def dynamics(
     check_data(bundle, episodes)
     every = [episode for _, episode in episodes.in_order()]
     every += [episode for _, episode in sorted(episodes.failures.items())]
-    usable = [episode for episode in every if len(episode.executed) >= SHORTEST]
-    ctx.check(
-        bool(usable),
-        f"no recording has {SHORTEST} control periods",
-        recordings=len(every),
-        hint="record motions of some seconds",
-    )
-    count = min(options.runs, len(usable))
-    chosen = [usable[number * len(usable) // count] for number in range(count)]
-    found: DynamicsEstimate = ctx.backend.estimate(ctx, bundle, chosen, options, ctx.backend_options)
+    found: DynamicsEstimate = ctx.backend.estimate(ctx, bundle, every, options, ctx.backend_options)
     _report(ctx, found)
     return found
 

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 BACKEND = Backend(
     summary="MuJoCo: the arms alone, with rigid hands", profiles=("cpu",), packages=("mujoco",), extra="twin"
 )
+SHORTEST = 20
+"""Number of control periods below which a recording is left out."""
 SPAN_S = 0.2
 """Half the time over which accelerations are taken [s]."""
 
@@ -33,10 +35,18 @@ SPAN_S = 0.2
 def estimate(
     ctx: Context, bundle: TaskBundle, episodes: Sequence[Episode], common: DynamicsOptions, options: Options
 ) -> DynamicsEstimate:
-    """Estimate everything from these recordings."""
-    arm = Arm(bundle)
-    reach_m = reach_of(bundle)
-    runs = [run_of(arm, bundle, episode, reach_m) for episode in episodes]
+    """Estimate everything from at most `common.runs` of these recordings, evenly chosen."""
+    usable = [episode for episode in episodes if len(episode.executed) >= SHORTEST]
+    ctx.check(
+        bool(usable),
+        f"no recording has {SHORTEST} control periods",
+        recordings=len(episodes),
+        hint="record motions of some seconds",
+    )
+    count = min(common.runs, len(usable))
+    chosen = [usable[number * len(usable) // count] for number in range(count)]
+    arm, reach_m = Arm(bundle), reach_of(bundle)
+    runs = [run_of(arm, bundle, episode, reach_m) for episode in chosen]
     if not any(rows_of(run).any() for run in runs):
         ctx.fail(
             "no part of these recordings can be used",
