@@ -33,6 +33,13 @@ def NAME(ctx: Context, stored: File, *, options: KINDOptions) -> KIND:
     read = json.loads(stored.data)
     return KIND.decode(read["key"], lambda key: base64.b64decode(read["blobs"][key]))
 '''
+# Trials run the code of the task's primitive.
+TASK = (
+    STORED.replace("NAME", "task")
+    .replace("KIND", "TaskBundle")
+    .replace('"""Options."""', '"""Options."""\n    primitive: str = "lift"\n    """Its primitive."""')
+    .replace("version=1", 'version=1, folders={"primitive": "primitives"}')
+)
 ROBOT = '''
 """demo.robot: the robot of a task."""
 from dextera_build.artifacts.robots.robot import RobotModel
@@ -131,14 +138,8 @@ def built(space: Space) -> Space:
     space.write("data/task.json", stored(made))
     space.write("data/view.json", stored(View(camera=factories.camera(64, 48), camera_pose=camera)))
     rules = {"demo/robot.py": ROBOT, "learn/line/line.py": LINE, "learn/line/policy.py": POLICY}
-    for name, kind in (("task", "TaskBundle"), ("view", "View")):
-        rules[f"demo/{name}.py"] = STORED.replace("NAME", name).replace("KIND", kind)
-    # Trials run the code of the task's primitive.
-    rules["demo/task.py"] = (
-        rules["demo/task.py"]
-        .replace('"""Options."""', '"""Options."""\n    primitive: str = "lift"\n    """Its primitive."""')
-        .replace("version=1", 'version=1, folders={"primitive": "primitives"}')
-    )
+    rules["demo/view.py"] = STORED.replace("NAME", "view").replace("KIND", "View")
+    rules["demo/task.py"] = TASK
     for name, text in rules.items():
         space.write(f"rules/{name}", text.lstrip())
     space.write("recipes/task/try.yaml", RECIPE)

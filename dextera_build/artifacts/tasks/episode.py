@@ -49,7 +49,8 @@ class Start(Artifact):
     friction: dict[str, float]
     """Root body -> sliding friction coefficient."""
     gain_scale: float
-    """Factor on stiffness and damping of the robot's position controllers."""
+    """Factor on stiffness and damping of the robot's position controllers; identified joints take a part of it, see
+    `TaskBundle.gain_share`."""
     base_error: Twist = EXACT
     """Pose error of the robot's base in the world. The robot acts from the displaced base; objects and goals are
     expressed in the bundle's own `base_pose`."""

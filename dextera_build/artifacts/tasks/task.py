@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import Field
 
 from dextera_build.artifacts.base import Array, Artifact, Folder, Value
 from dextera_build.artifacts.cameras.camera import Camera
@@ -152,6 +153,8 @@ class TaskBundle(Artifact):
 
     latency_s: float = 0.0
     """Time from a command to its effect in this world [s]."""
+    gain_share: dict[str, float] = Field(default_factory=dict)
+    """Joint -> fraction of the range of the gains that starts draw from, after they were identified; 1 for others."""
 
     @property
     def displacement_names(self) -> tuple[str, ...]:

@@ -33,6 +33,7 @@ class Dynamics:
         self._gain, self._bias = model.actuator_gainprm.copy(), model.actuator_biasprm.copy()
         self._damping, self._stick = model.dof_damping.copy(), model.dof_frictionloss.copy()
         self._actuators = [model.actuator(ROBOT + joint.name).id for joint in bundle.robot.joints]
+        self._gain_share = np.array([bundle.gain_share.get(joint.name, 1.0) for joint in bundle.robot.joints])
         roots = model.body_rootid
         self._bodies = {name: np.flatnonzero(roots == model.body(name).id) for name in bundle.objects}
         owners = model.body_rootid[model.dof_bodyid]
@@ -57,8 +58,9 @@ class Dynamics:
         for name, friction in start.friction.items():
             model.geom_friction[self._geoms[name], 0] = friction
         model.actuator_gainprm[:], model.actuator_biasprm[:] = self._gain, self._bias
-        model.actuator_gainprm[self._actuators, 0] *= start.gain_scale
-        model.actuator_biasprm[self._actuators, 1:3] *= start.gain_scale
+        gains = 1.0 + self._gain_share * (start.gain_scale - 1.0)
+        model.actuator_gainprm[self._actuators, 0] *= gains
+        model.actuator_biasprm[self._actuators, 1:3] *= gains[:, None]
         model.dof_damping[:], model.dof_frictionloss[:] = self._damping, self._stick
         for name, factor in start.variation.damping.items():
             model.dof_damping[self._dofs[name]] *= factor
