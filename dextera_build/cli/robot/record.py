@@ -32,7 +32,7 @@ def run(args: argparse.Namespace) -> int:
     out = connected.recording(args, here, "recordings")
     with beside.tracker(args), connected.recorded(args, out) as (transport, bag):
         # Pictures of a camera that stops are no pictures of the demonstration.
-        cell = RosCell(transport, here.topics, here.bundle, (*NEEDED, *(("rgb",) if here.view else ())), bag=bag)
+        cell = RosCell(transport, here.topics, here.bundle, (*NEEDED, *(("rgb",) if here.views else ())), bag=bag)
         made = Demonstration(transport, here.topics, here.bundle, cell, bag)
         connected.refuse(args, here, transport, cell, commands=False)
         bag.describe(here.bundle, time.time_ns())
