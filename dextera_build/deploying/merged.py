@@ -53,7 +53,10 @@ class Merged:
         with self._lock:
             if self._together is None and found:
                 self._together = len(found) == len(self._joints.names)
-            if self._together and found:
+            if self._together:
+                self.lacks = ""
+                if not found:
+                    return None
                 return Sample(stamp, arrived, self._joints.positions(state))
             self._latest |= {name: Sample(stamp, arrived, place) for name, place in found.items()}
             missing = [name for name in self._joints.names if name not in self._latest]

@@ -83,4 +83,6 @@ def test_a_driver_of_other_joints_is_ignored() -> None:
         tick()
 
     rig.robot.tick = both  # type: ignore[method-assign]
+    checks = checkup(rig.transport, rig.cell._topics, rig.cell, rig.bundle.robot, rig.sleep)
+    assert [each.what for each in checks if not each.ok] == []
     assert not rig.drive(Line(TARGETS)).faulty

@@ -89,6 +89,8 @@ def run(args: argparse.Namespace) -> int:
     )
     topics, camera = (here.topics, None) if cell is None else (connected.watched(args, here), cell.camera)
     with _looking(here, cell, environment, args) as look:
+        if look is not None:
+            look()  # the first one takes long, and would arrive as late as if a clock had been set
         robot = SimulatedRobot(transport, topics, environment, simulation, look, camera)
         print(
             f"simulated robot in domain {args.domain} by {args.transport}; press Ctrl-C to stop",
