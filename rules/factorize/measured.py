@@ -99,13 +99,17 @@ class Measurements(Generic[T]):
         value: The measurements; None if there is only the photograph.
         lacking: Explanation if there are none: `the capture has no depth`.
         unmeasured: The same without depth, for backends that need only the pose of the camera over the support.
+        metric: Whether that pose is in metres; the scale of a photograph alone may be unknown.
     """
 
-    def __init__(self, ctx: Context, value: T | None, lacking: str, unmeasured: T | None = None) -> None:
+    def __init__(
+        self, ctx: Context, value: T | None, lacking: str, unmeasured: T | None = None, *, metric: bool = True
+    ) -> None:
         self._ctx = ctx
         self._value = value
         self._lacking = lacking
         self.unmeasured = unmeasured
+        self.metric = metric
         self.taken = False
         """Whether the backend made its result with them."""
 
@@ -215,4 +219,5 @@ def of_view(
     others = () if further is None else tuple(Seen(one.view, one.measured) for one in further.items)
     value = None if measured is None else Seen(view, measured, others)
     bare = None if support is None else Seen.without_depth(view, support.camera_pose)
-    return Measurements(ctx, value, "the capture has no depth", bare)
+    metric = support is None or support.scale != "unknown"
+    return Measurements(ctx, value, "the capture has no depth", bare, metric=metric)

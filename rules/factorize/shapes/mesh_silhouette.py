@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import NonNegativeInt, PositiveFloat
 
+from dextera_build.artifacts.objects import similar
 from dextera_build.artifacts.objects.object import Shape
 from dextera_build.artifacts.objects.view import ObjectView, Seen
 from dextera_build.artifacts.spatial.pose import Pose
@@ -32,6 +33,8 @@ COMMON = 3.0
 """Factor of a fit's standard deviations: masks cut from the picture alone err along whole sides, not by pixel."""
 STARTS = 4
 """Number of initial guesses that are refined."""
+WIDE_M = 0.1
+"""Width of a thing of which nothing tells the scale, for walls and other lengths that the outline does not show [m]."""
 
 
 class SilhouetteOptions(Options):
@@ -63,14 +66,50 @@ def complete(
             hint="give the input `support`, a result of `align.support`",
         )
     seen = measured.unmeasured.upright()
-    evidence = gather(seen)
-    at = silhouettes.frame(evidence)
+    at = silhouettes.frame(gather(seen))
     if at is None:
         ctx.fail(
             "the lowest point of the mask is not on the support: the camera sees it level with the horizon or above",
             mask=f"{int(view.mask.sum()):,} pixels",
             hint="check the support's marker or `pitch_deg`, or the element's box",
         )
+    unit = 1.0 if measured.metric else WIDE_M / at.width
+    shape = _fitted(ctx, _nearer(seen, unit), common, options)
+    return shape if measured.metric else _larger(shape, 1.0 / unit)
+
+
+def _nearer(seen: Seen, unit: float) -> Seen:
+    """The view by a camera whose distances are those of this one times `unit`."""
+    pose = _scaled(seen.measured.camera_pose, unit)
+    return replace(seen, measured=seen.measured.model_copy(update={"camera_pose": pose}))
+
+
+def _larger(shape: Shape, unit: float) -> Shape:
+    """The shape and its place with all lengths times `unit`."""
+    sized = similar.scaled(unit)
+    assert shape.pose is not None
+    return shape.model_copy(
+        update={
+            "mesh": similar.mesh(shape.mesh, sized),
+            "walls": tuple(similar.hull(wall, sized) for wall in shape.walls),
+            "pose": _scaled(shape.pose, unit),
+        }
+    )
+
+
+def _scaled(pose: Pose, unit: float) -> Pose:
+    """The pose with its lengths, and their standard deviations, times `unit`."""
+    matrix, lengths = pose.matrix.copy(), np.array([unit, unit, unit, 1.0, 1.0, 1.0])
+    matrix[:3, 3] *= unit
+    covariance = None if pose.covariance is None else pose.covariance * np.outer(lengths, lengths)
+    return pose.model_copy(update={"matrix": matrix, "covariance": covariance})
+
+
+def _fitted(ctx: Context, seen: Seen, common: MeshOptions, options: SilhouetteOptions) -> Shape:
+    """The shape that explains the outline best, in metres."""
+    view, evidence = seen.view, gather(seen)
+    at = silhouettes.frame(evidence)
+    assert at is not None
     hollow = bool(set(view.phrase.lower().split()) & set(options.vessels))
     round_part, body = evidence, seen
     if hollow:

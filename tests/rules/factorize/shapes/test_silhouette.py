@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.objects.object import Shape, Support
+from dextera_build.artifacts.objects.object import ScaleSource, Shape, Support
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import RuleError
-from dextera_build.geometry import solids
+from dextera_build.geometry import massprops, solids
 from dextera_build.geometry.solids import Solid
 from dextera_build.testing import RuleRunner
 from tests import object_views
@@ -21,14 +21,20 @@ BOX = solids.box((0.1, 0.06, 0.14), (0.0, 0.0, 0.07))
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 
-def looks(body: Solid, phrase: str = "thing", covariance: np.ndarray | None = None, unit: float = 1.0) -> dict:
+def looks(
+    body: Solid,
+    phrase: str = "thing",
+    covariance: np.ndarray | None = None,
+    unit: float = 1.0,
+    scale: ScaleSource = "marker",
+) -> dict:
     """Inputs of factorize.mesh: an exact mask and the camera's pose in units of `unit` [m]."""
     seen = synthetic.view(body, synthetic.fine())
     matrix = seen.measured.camera_pose.matrix.copy()
     matrix[:3, 3] /= unit
     pose = Pose(parent="world", child="camera", matrix=matrix, covariance=covariance)
     view = seen.view.model_copy(update={"phrase": phrase})
-    return {"view": view, "support": Support(camera_pose=pose, polygon=SQUARE, scale="marker")}
+    return {"view": view, "support": Support(camera_pose=pose, polygon=SQUARE, scale=scale)}
 
 
 def made(folder: Path, **inputs: object) -> Shape:
@@ -87,6 +93,22 @@ def test_the_tilt_of_the_camera_widens_the_interval_of_the_size(tmp_path):
 def test_any_unit_of_length_gives_the_same_thing(tmp_path):
     metres, halves = made(tmp_path, **looks(BOX)), made(tmp_path, **looks(BOX, unit=0.5))
     assert halves.mesh.extent == pytest.approx(2 * metres.mesh.extent, rel=0.03)
+
+
+def volume(shape: Shape) -> float:
+    """[m^3]."""
+    return massprops.of_mesh(shape.mesh.vertices, shape.mesh.faces).volume
+
+
+@pytest.mark.medium
+def test_a_vessel_of_unknown_scale_has_the_walls_of_one_of_usual_size(tmp_path):
+    """A wall of 3 mm was 3 thousandths of whatever the unit was, the height of the camera: a mug weighed 62 g."""
+    cup = synthetic.cup(0.03, 0.04, 0.09, 0.004, 0.006)
+    shapes = [made(tmp_path, **looks(cup, "mug", unit=unit, scale="unknown")) for unit in (1.0, 0.4)]
+    volumes = [volume(shape) for shape in shapes]
+    assert volumes[1] == pytest.approx(volumes[0] / 0.4**3, rel=0.05)
+    known = volume(made(tmp_path, **looks(cup, "mug")))
+    assert volumes[0] == pytest.approx(known, rel=0.4)
 
 
 def test_without_a_support_or_above_the_horizon_the_error_says_so(tmp_path):
