@@ -17,10 +17,10 @@ cache = "cache"
 _IGNORE = "cache/\n.envs/\ndxb.local.toml\n__pycache__/\n"
 _RECIPE = """summary: The twin of {words}.
 extends: twin/tabletop
-# The photograph: `capture/` of this project, with rgb.png, depth.png and capture.json. `dxb build {name}` and
+# The photograph: `{capture}/` of this project, with rgb.png, depth.png and capture.json. `dxb build {name}` and
 # `dxb build --lock {name}` need no more; `--input capture=PATH` takes another one.
 inputs:
-  capture: capture
+  capture: {capture}
 # Options of one object's nodes, by the object's name in the build log:
 #   dxb build {name} --input capture=PATH --set 'body[blue_mug].mesh.primitives.wall_m=0.004'
 """
@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
         "dxb.toml": _CONFIG,
         ".gitignore": _IGNORE,
         "README.md": _README.format(name=name, dots=" " * len(name)),
-        f"recipes/twin/{name}.yaml": twin_text(f"twin/{name}"),
+        f"recipes/twin/{name}.yaml": twin_text(f"twin/{name}", "capture"),
     }
     if (root / "dxb.toml").exists():
         raise UsageError(
@@ -71,9 +71,9 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def twin_text(recipe: str) -> str:
-    """A recipe of this address for the project's own photograph."""
-    return _RECIPE.format(name=recipe, words=recipe.rpartition("/")[2].replace("_", " "))
+def twin_text(recipe: str, capture: str) -> str:
+    """A recipe of this address for the photograph in a folder of the project."""
+    return _RECIPE.format(name=recipe, words=recipe.rpartition("/")[2].replace("_", " "), capture=capture)
 
 
 def _name(root: Path) -> str:

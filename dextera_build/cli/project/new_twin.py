@@ -61,13 +61,15 @@ def run(args: argparse.Namespace) -> int:
                 code="DXB-U214",
                 hint="name a recipe that extends twin/tabletop or twin/from_photo",
             )
-        text, following = _AGAIN.format(recipe=args.name), "--input now=FOLDER"
+        text, photograph, following = _AGAIN.format(recipe=args.name), "", "--input now=FOLDER"
     else:
-        text, following = twin_text(args.name), ""
+        capture = f"captures/{args.name.rpartition('/')[2]}"
+        text, following = twin_text(args.name, capture), ""
+        photograph = f"put a photograph into `{capture}`: rgb.png, depth.png and capture.json; "
     with writing(out):
         out.parent.mkdir(parents=True, exist_ok=True)
         out.write_text(text)
     print(project.shown(out.absolute()))
     made, first = written.address(project, out, place)
-    print(f"  {first}then: dxb build {made} {following}".rstrip(), file=sys.stderr)
+    print(f"  {photograph}{first}then: dxb build {made} {following}".rstrip(), file=sys.stderr)
     return 0

@@ -14,7 +14,8 @@ from tests.e2e.test_bad_captures import write_capture
 def project(tmp_path):
     space = Space(tmp_path)
     assert space.dxb("init", ".").code == 0
-    write_capture(tmp_path / "capture")
+    (tmp_path / "captures").mkdir()
+    write_capture(tmp_path / "captures" / "desk")
     write_capture(tmp_path / "capture_now")
     return space
 
@@ -23,6 +24,10 @@ def project(tmp_path):
 def test_a_moved_camera_is_planned_by_the_command_that_is_printed(project):
     answer = project.dxb("new", "twin", "twin/desk")
     assert (answer.code, answer.out) == (0, "recipes/twin/desk.yaml\n")
+    assert answer.err == (
+        "  put a photograph into `captures/desk`: rgb.png, depth.png and capture.json; then: dxb build twin/desk\n"
+    )
+    assert project.dxb("plan", "twin/desk").code == 0
     answer = project.dxb("new", "twin", "twin/desk", "--moved-camera")
     assert (answer.code, answer.out) == (0, "recipes/twin/desk_again.yaml\n")
     (command,) = (line.partition("dxb ")[2] for line in answer.err.splitlines() if "then:" in line)
