@@ -23,16 +23,16 @@ from dextera_build.deploying.commanders import Commanders
 from dextera_build.deploying.encoders import Encoders
 from dextera_build.deploying.frozen import Frozen
 from dextera_build.deploying.merged import Merged
+from dextera_build.deploying.needed_cameras import NeededCameras
 from dextera_build.deploying.stream import Sample, Stream
 from dextera_build.deploying.topics import SIMULATED, STATUS, Commanded, Topics
 from dextera_build.deploying.transport import Topic, Transport
 from dextera_build.errors import listing
-from dextera_build.formats.ros import images, messages
+from dextera_build.formats.ros import messages
 from dextera_build.formats.ros.reading import SECOND
-from dextera_build.geometry import cameras
-from dextera_build.policy.cameras import TERMS, camera_of, term_of
+from dextera_build.policy.cameras import TERMS, term_of
 from dextera_build.policy.cell import Guard, Stopped
-from dextera_build.policy.observation import Frame, Frames, Measurement
+from dextera_build.policy.observation import Frames, Measurement
 from dextera_build.policy.robot_run import REAL, REQUESTED, SENT
 from dextera_build.sim.runtime.measured_state import MeasuredState
 
@@ -93,7 +93,6 @@ class RosCell:
         lenses: Mapping[str, Camera] | None = None,
     ) -> None:
         self._transport, self._topics, self._bundle, self._bag, self._sleep = transport, topics, bundle, bag, sleep
-        self._lenses, self._rays = dict(lenses or {}), dict[str, np.ndarray]()
         self.safety = safety
         self._rows = {name: row for row, name in enumerate(bundle.objects)}
         self._joints = wire.Joints([joint.name for joint in bundle.robot.joints], topics)
@@ -127,7 +126,7 @@ class RosCell:
         """World of the robot: `real`, or the one that a simulated robot states."""
         self._frozen = {camera: Frozen(safety.limits.silence_s) for camera in topics.pictures}
         self.depths = {camera: Stream(topic.name, depth=4) for camera, topic in topics.depths.items()}
-        self._looks = {(term, name) for each in needed for term, name in _looks(each, topics.pictures)}
+        self._cameras = NeededCameras(topics, needed, lenses or {})
         self._needed = {term_of(each) for each in needed} & NEEDED
         if not bundle.displacement_names:
             self._needed.discard("displacement")
@@ -187,7 +186,7 @@ class RosCell:
             Stopped: A measurement is missing, too old, or belongs to no other.
         """
         self._check()
-        shown = {(term, name): stream.last for term, name, stream in self._cameras()}
+        shown = {(term, name): stream.last for term, name, stream in self._needed_cameras()}
         last = self.state.last
         assert last is not None
         anchor = min((each.stamp for each in shown.values() if each is not None), default=last.stamp)
@@ -199,7 +198,7 @@ class RosCell:
         if why := self._encoders.fault(joints.stamp / SECOND, joints.value):
             raise self.stop(why)
         self._anchor, self._measured = joints, self._transport.clock()
-        seen = {name: self._frame(name, shown) for _, name in shown}
+        seen = {name: self._cameras.frame(name, shown) for _, name in shown}
         found = Measurement(np.array(joints.value), self._poses(), self._displacement(), {**seen, **(frames or {})})
         if self._bag is not None:
             periods.observed(self._bag, self._measured, self._bundle, found)
@@ -257,13 +256,13 @@ class RosCell:
         found = [self.state]
         found += self.objects.values() if "objects" in self._needed else []
         found += [self.displacement] if "displacement" in self._needed else []
-        return found + [stream for _, _, stream in self._cameras()]
+        return found + [stream for _, _, stream in self._needed_cameras()]
 
-    def _cameras(self) -> list[tuple[str, str, Stream]]:
+    def _needed_cameras(self) -> list[tuple[str, str, Stream]]:
         """Term, camera and stream of what the policy needs of cameras."""
         every = (("rgb", self.pictures), ("depth", self.depths))
         streams = [(term, name, each) for term, found in every for name, each in found.items()]
-        return [each for each in streams if each[:2] in self._looks]
+        return [each for each in streams if each[:2] in self._cameras.channels]
 
     def _listen(self) -> None:
         topics, subscribe = self._topics, self._transport.subscribe
@@ -277,7 +276,7 @@ class RosCell:
         for camera, topic in topics.pictures.items():
             subscribe(topic, partial(self._shown, camera, topic))
         for camera, topic in topics.depths.items():
-            if ("depth", camera) not in self._looks:
+            if ("depth", camera) not in self._cameras.channels:
                 continue
             subscribe(topic, partial(self._heard, topic, self.depths[camera], _whole))
 
@@ -379,32 +378,6 @@ class RosCell:
         """The newest measurement of a stream; None if it is too old, or the stream has a fault."""
         old = bool(stream.fault) or stream.age_s(self._transport.clock()) > self.safety.limits.silence_s
         return None if old else stream.last
-
-    def _frame(self, camera: str, shown: Mapping[tuple[str, str], Sample | None]) -> Frame:
-        picture, measured = shown.get(("rgb", camera)), shown.get(("depth", camera))
-        rgb = None if picture is None else images.pixels(picture.value, self._topics.pictures[camera].name)
-        depth = None if measured is None else images.depths(measured.value, self._topics.depths[camera].name)
-        return Frame(rgb, depth, None if depth is None else self._cloud(camera, depth))
-
-    def _cloud(self, camera: str, depth: np.ndarray) -> np.ndarray | None:
-        """Points (H, W, 3) of a depth picture, if the policy takes them."""
-        lens = self._lenses.get(camera)
-        if lens is None or ("cloud", camera) not in self._looks:
-            return None
-        rays = self._rays.get(camera)
-        if rays is None or rays.shape[:2] != depth.shape:
-            rays = cameras.rays(depth.shape[0], depth.shape[1], lens.matrix()).astype(np.float32)
-            self._rays[camera] = rays
-        return np.asarray(depth[..., None] * rays)
-
-
-def _looks(channel: str, known: Collection[str]) -> list[tuple[str, str]]:
-    """Terms and cameras that a channel needs: points need depth, and without a name it is of all cameras."""
-    term = term_of(channel)
-    if term not in TERMS:
-        return []
-    names = [camera_of(channel)] if channel != term else [*known]
-    return [(each, name) for name in names for each in ((term, "depth") if term == "cloud" else (term,))]
 
 
 def _lasting(controller: Commanded, lifespan_s: float) -> Commanded:
