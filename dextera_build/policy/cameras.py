@@ -74,7 +74,7 @@ def is_named(channel: str) -> bool:
 
 
 def spread(inputs: Iterable[str], cameras: Collection[str]) -> tuple[str, ...]:
-    """Inputs in which `rgb` stands for the pictures of every camera; likewise `depth` and `cloud`.
+    """Replace `rgb`, the pictures of every camera, by the channels of the cameras; likewise `depth` and `cloud`.
 
     Args:
         inputs: Channels, of which `rgb/front` is that of one camera.

@@ -315,7 +315,7 @@ class _Planner:
     def _foreign_target(self, address: str, target: str, where: Place) -> Bound:
         recipe = self.recipe(address, where)
         if address not in self._foreign:
-            effects, self._effects = self._effects, []  # its nodes are those of all that name it
+            effects, self._effects = self._effects, []  # every node that names it shares its nodes
             self._foreign[address] = self._open(recipe, f"{address}:", (), {}, {})
             self._effects = effects
         scope = self._foreign[address]

@@ -1,6 +1,6 @@
 """The figures of the paper (DEXTERA, figures 1 to 8), composed of the pictures that the nodes of a run made.
 
-A run shows the figures for which it has nodes. Pictures of what replaces hardware are labelled `simulated`.
+A run shows the figures for which it has nodes. Pictures from simulated worlds are labelled `simulated`.
 """
 
 from __future__ import annotations

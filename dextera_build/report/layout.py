@@ -103,7 +103,7 @@ def topological(nodes: Sequence[Node]) -> list[Node]:
 
 
 def made_from(run: Run, rules: str) -> set[str]:
-    """Addresses of the nodes whose rule begins with `rules`, and of all that are made of their results."""
+    """Addresses of the nodes whose rule begins with `rules`, and of the nodes that depend on them."""
     found: set[str] = set()
     for node in topological(run.nodes):
         if node.rule.startswith(rules) or found.intersection(node.depends_on):

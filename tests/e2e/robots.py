@@ -9,6 +9,8 @@ import signal
 import subprocess
 from typing import Any
 
+import pytest
+
 from dextera_build import digest
 from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.tasks.task import TaskBundle, View
@@ -173,3 +175,17 @@ def ran(space: Space, out: str, *more: str, policy: str = "task/try:policy") -> 
     done = space.dxb(*command, *NAMES, *more)
     assert done.out, done.err
     return done.code, done.document
+
+
+def drove(space: Space, robot: subprocess.Popen[str], *more: str) -> None:
+    """A started robot passes the checks, its policy runs to the end of its time, and both sides tell the same."""
+    try:
+        doctor = space.dxb("robot", "doctor", "task/try", "--json", *NAMES, *SEEING, *more)
+        assert (doctor.code, doctor.document["failed"]) == (0, 0), doctor.err
+        code, told = ran(space, "whole.mcap", *SEEING, *more)
+    finally:
+        heard = ended(robot)
+    assert (code, told["reason"]) == (0, "not done within 4 s")
+    assert 2 * told["steps"] == heard["commands"] == 40
+    assert heard["joints"] == pytest.approx(TARGETS, abs=5e-3)
+    assert heard["status"] == ["running", "stopped: not done within 4 s"]

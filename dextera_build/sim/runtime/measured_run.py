@@ -50,7 +50,7 @@ def attempt(bundle: TaskBundle, run: RobotRun) -> Attempt:
 
 
 def seed(run: RobotRun) -> int:
-    """What stands for the seed of the start, which a robot's has not: every recording has another one."""
+    """A number of the recording in place of a seed, because starts of a robot are not drawn."""
     parts = (run.times, *(each.joints for each in run.measured), run.requested)
     numbers = b"".join(np.ascontiguousarray(each).tobytes() for each in parts)
     return seed_of("robot", digest.of_value(dict(run.about)), digest.of_bytes(numbers))

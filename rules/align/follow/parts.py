@@ -50,10 +50,11 @@ def pictures(video: Video | RgbdVideo, numbers: Sequence[int]) -> Iterator[np.nd
 
 def joined(after: MaskTrack, before: MaskTrack | None, stamps: np.ndarray) -> MaskTrack:
     """Masks in the order of the original: those of `before`, whose frames run backwards, and then those of `after`."""
-    frames = [(after, number) for number in range(len(after.stamps))]
-    first = 0 if before is None else len(before.stamps) - 1
-    if before is not None:
-        # Both parts begin with the same frame.
-        frames = [(before, number) for number in range(len(before.stamps) - 1, 0, -1)] + frames
+    if before is None:
+        return after.model_copy(update={"stamps": stamps, "first": 0})
+    # Both parts begin with the same frame.
+    frames = [(before, number) for number in range(len(before.stamps) - 1, 0, -1)]
+    first = len(frames)
+    frames += [(after, number) for number in range(len(after.stamps))]
     pairs = ((each.labels(number), None if each.scores is None else each.scores[number]) for each, number in frames)
     return MaskTrack.of(after.names, stamps, pairs, first)
