@@ -37,7 +37,7 @@ def self_test(project: Path, rule: str, backend: str, weights: tuple[str, ...], 
     environment = {"MUJOCO_GL": "egl", **os.environ, "DXB_MODELS": models, "HF_HUB_OFFLINE": "1"}
     try:
         done = subprocess.run(
-            [sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=TIMEOUT_S
+            [sys.executable, "-P", "-c", code], env=environment, capture_output=True, text=True, timeout=TIMEOUT_S
         )
     except subprocess.TimeoutExpired:
         return False, f"self-test takes longer than {TIMEOUT_S:g} s"

@@ -72,7 +72,7 @@ def _round(words: Sequence[str], because: str) -> tuple[int, Watch]:
     # An anonymous file: nothing is left behind if this process is killed.
     with os.fdopen(os.memfd_create("report")) as opened:
         report = f"/dev/fd/{opened.fileno()}"
-        command = [sys.executable, "-m", "dextera_build", "watch", "--once", report, because, *words]
+        command = [sys.executable, "-P", "-m", "dextera_build", "watch", "--once", report, because, *words]
         # In a new session: Ctrl-C reaches it only once, through this process.
         child = subprocess.Popen(command, start_new_session=True, pass_fds=[opened.fileno()])
         try:

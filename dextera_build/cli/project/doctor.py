@@ -167,7 +167,7 @@ def _rendering() -> Iterator[Finding]:
         yield "rendering", False, "mujoco is not installed", install_extra(smallest_extra(["mujoco"]))
         return
     environment = {"MUJOCO_GL": "egl", **os.environ}
-    answer = subprocess.run([sys.executable, "-c", _RENDER], env=environment, capture_output=True, text=True)
+    answer = subprocess.run([sys.executable, "-P", "-c", _RENDER], env=environment, capture_output=True, text=True)
     lines = answer.stderr.strip().splitlines()
     found = f"MUJOCO_GL={environment['MUJOCO_GL']}" if answer.returncode == 0 else (lines[-1] if lines else "crashed")
     yield "rendering", answer.returncode == 0, found, "`apt-get install libegl1 libgl1` and `export MUJOCO_GL=egl`"

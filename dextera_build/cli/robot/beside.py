@@ -34,7 +34,7 @@ def tracker(args: argparse.Namespace) -> Iterator[None]:
         return
     from dextera_build.errors import MachineError
 
-    command = [sys.executable, "-m", "dextera_build", "robot", "track", args.target, "--parent", str(os.getpid())]
+    command = [sys.executable, "-P", "-m", "dextera_build", "robot", "track", args.target, "--parent", str(os.getpid())]
     for name in SAME:
         if (value := getattr(args, name, None)) not in (None, ""):
             command += [f"--{name}", str(value)]
