@@ -173,7 +173,10 @@ class _Reader:
 
     def _key(self, event: Any, place: Place, known: Mapping[str, Place]) -> str:
         key = self._scalar(event, place) if isinstance(event, yaml.ScalarEvent) else None
-        if not isinstance(key, str) or key == "<<":
+        if key == "<<":
+            hint = "write the fields out, or give nodes that differ in a few of them `each:`"
+            raise RecipeError("recipes have no merge keys, `<<`", code="DXB-R102", where=place, hint=hint)
+        if not isinstance(key, str):
             shown = "none" if key is None else repr(key)
             raise RecipeError(f"a key must be text, this one is {shown}", code="DXB-R102", where=place)
         if key in known:

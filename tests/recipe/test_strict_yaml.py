@@ -67,7 +67,7 @@ def test_every_value_knows_its_place():
         ("a: 1\nb: 2\na: 3\n", "`a` is a duplicate key", "f:3:1"),
         ("a: [1\n", "not valid YAML: expected ',' or ']', but got '<stream end>'", "f:2:1"),
         ("", "the file is empty", "f"),
-        ("<<: {a: 1}", "a key must be text, this one is '<<'", "f:1:1"),
+        ("<<: {a: 1}", "recipes have no merge keys, `<<`", "f:1:1"),
         ("1: a", "a key must be text, this one is 1", "f:1:1"),
         (
             "a: !!python/name:os.system ''",

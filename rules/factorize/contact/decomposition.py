@@ -54,7 +54,9 @@ def parts(
     folder.mkdir(parents=True, exist_ok=True)
     np.savez(folder / "solid.npz", vertices=vertices.astype(np.float64), faces=faces.astype(np.int32))
     arguments = [str(folder), *(str(value) for value in (threshold, seconds, most, seed))]
-    ended = subprocess.run([sys.executable, "-P", "-c", PROGRAM, *arguments], capture_output=True, text=True, check=False)
+    ended = subprocess.run(
+        [sys.executable, "-P", "-c", PROGRAM, *arguments], capture_output=True, text=True, check=False
+    )
     if ended.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
         return None
     if ended.returncode:

@@ -18,11 +18,11 @@ from .diffusion_options import DiffusionOptions
 
 SETTINGS = (
     *("network", "horizon", "history", "every", "width", "levels", "layers", "heads"),
-    *("noise_levels", "denoisings", "seed"),
+    *("predicts", "noise_levels", "denoisings", "seed"),
 )
 
 
-@rule(version=2, packages=("numpy",), memory_gb=2.0, tolerance=TOLERANCE, runs={"bundle": "primitive"})
+@rule(version=3, packages=("numpy",), memory_gb=2.0, tolerance=TOLERANCE, runs={"bundle": "primitive"})
 def diffusion(
     ctx: Context[ImitationBackend],
     bundle: TaskBundle,
@@ -40,8 +40,9 @@ def diffusion(
     like that of `learn.act`, may do the average. Mixtures, films and interruptions are as in `learn.act`.
     """
     _check(ctx, options)
+    loss = f"error of the {options.predicts}"
     parts = behind(parts_of(episodes, film, films), options.swap, backdrop, backdrops)
-    return imitated(ctx, bundle, parts, options, algorithm="diffusion", settings=SETTINGS, loss="error of the noise")
+    return imitated(ctx, bundle, parts, options, algorithm="diffusion", settings=SETTINGS, loss=loss)
 
 
 def _check(ctx: Context[ImitationBackend], options: DiffusionOptions) -> None:

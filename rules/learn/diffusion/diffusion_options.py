@@ -31,6 +31,10 @@ class DiffusionOptions(ImitationOptions):
     """Attention heads of `transformer`; a divisor of `width`."""
     dropout: float = Field(0.0, ge=0.0, lt=1.0)
     """Dropout of `transformer` in training."""
+    predicts: Literal["sample", "noise"] = "sample"
+    """What the network tells of a mixed window: the actions without the noise, which a few thousand steps of training
+    suffice for, or the noise, as Chi et al. do in a hundred times as many: where nearly all is noise, a small error of
+    it is a large one of the actions."""
     noise_levels: int = Field(100, ge=2, le=1000)
     """Levels of noise in training."""
     denoisings: int = Field(10, ge=1)

@@ -1,4 +1,4 @@
-"""The network of Diffusion Policy: it tells the noise in a window of actions from what was observed.
+"""The network of Diffusion Policy: it tells a window of actions, or the noise in it, from what was observed.
 
 The window begins at the oldest observed step. Vector channels of each observed step are the condition as they are;
 what a camera gives is encoded by small networks instead of a ResNet-18, as there by one of its own for each camera.
@@ -45,6 +45,8 @@ class Denoiser(nn.Module):
         super().__init__()
         settings, actions = contract.settings, len(contract.action.names)
         self.history, self.passes = int(settings["history"]), int(settings["denoisings"])
+        # Checkpoints from before the choice tell the noise.
+        self.told = str(settings.get("predicts", "noise"))
         self.shape = (int(settings["horizon"]), actions)
         self.vectors = [channel.name for channel in contract.vectors]
         seen = SEEN * len(contract.seen)
@@ -81,7 +83,7 @@ class Denoiser(nn.Module):
         return torch.cat([*parts, seen], dim=2), seen[:, -1]
 
     def forward(self, actions: Tensor, levels: Tensor, observed: Tensor) -> Tensor:
-        """The noise (B, T, A) in actions (B, T, A) in -1 to 1 with noise of levels (B,) int64, see `observe`."""
+        """The actions (B, T, A) without noise, or the noise, of actions in -1 to 1 with noise of levels (B,) int64."""
         made: Tensor = self.body(actions, levels, observed)
         return made
 
@@ -89,15 +91,15 @@ class Denoiser(nn.Module):
         """Normalised actions (B, T, A) from noise of the same shape."""
         observed, _ = self.observe(inputs)
 
-        def noise_in(actions: Tensor, level: int) -> Tensor:
+        def told(actions: Tensor, level: int) -> Tensor:
             made: Tensor = self(actions, torch.full((len(actions),), level, device=actions.device), observed)
             return made
 
-        return schedule.denoised(noise, self.share, self.passes, noise_in) * self.reach + self.centre
+        return schedule.denoised(noise, self.share, self.passes, told, self.told) * self.reach + self.centre
 
 
 def loss_of(network: Denoiser, batch: Batch, noise: Tensor, levels: Tensor, held: int) -> tuple[Tensor, Tensor]:
-    """(loss, its part of the noise): mean squared error of the noise over the steps that `trained_on` keeps.
+    """(loss, its part of the actions): mean squared error of what is told, over the steps that `trained_on` keeps.
 
     A policy with pictures also predicts the object's pose, as that of `learn.act` does.
 
@@ -112,7 +114,8 @@ def loss_of(network: Denoiser, batch: Batch, noise: Tensor, levels: Tensor, held
     actions = (batch.actions - network.centre) / network.reach
     mixed = schedule.noised(actions, noise, network.share[levels])
     keep = trained_on(batch.keep, held)
-    error = (network(mixed, levels, observed) - noise).square().mean(dim=-1)
+    wanted = noise if network.told == "noise" else actions
+    error = (network(mixed, levels, observed) - wanted).square().mean(dim=-1)
     loss = found = (error * keep).sum() / keep.sum()
     if network.locate is not None and seen is not None and batch.places is not None:
         loss = loss + (network.locate(seen) - batch.places).abs().mean()

@@ -46,19 +46,25 @@ def waves(levels: Tensor, size: int) -> Tensor:
     return torch.cat([phases.sin(), phases.cos()], dim=1)
 
 
-def denoised(noise: Tensor, share: Tensor, passes: int, noise_in: Callable[[Tensor, int], Tensor]) -> Tensor:
+def denoised(
+    noise: Tensor, share: Tensor, passes: int, told: Callable[[Tensor, int], Tensor], what: str = "noise"
+) -> Tensor:
     """Samples in -1 to 1 from noise of the same shape.
 
     Args:
         noise: Standard normal numbers (B, ...).
         share: a_k (K,).
-        passes: Number of calls of `noise_in`.
-        noise_in: The noise in the samples at a level, as far as the network can tell.
+        passes: Number of calls of `told`.
+        told: The noise in mixed samples at a level, or the samples without it, as far as the network can tell.
+        what: `noise` or `sample`: which of the two `told` returns.
     """
     samples, levels = noise, visited(len(share), passes)
     for level, after in zip(levels, [*levels[1:], None], strict=True):
-        found = noise_in(samples, level)
-        clean = (samples - (1 - share[level]).sqrt() * found) / share[level].sqrt()
+        found = told(samples, level)
+        if what == "sample":
+            clean, found = found, (samples - share[level].sqrt() * found) / (1 - share[level]).sqrt()
+        else:
+            clean = (samples - (1 - share[level]).sqrt() * found) / share[level].sqrt()
         # An error of the noise is large in the sample where its share is small: all samples are known to be in range.
         clean = clean.clamp(-1.0, 1.0)
         samples = clean if after is None else share[after].sqrt() * clean + (1 - share[after]).sqrt() * found

@@ -37,10 +37,11 @@ SIDE_RAD = 0.5
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("predicts", ["sample", "noise"])
 @BOTH
-def test_it_learns_what_was_shown(tmp_path: Path, network: str) -> None:
+def test_it_learns_what_was_shown(tmp_path: Path, network: str, predicts: str) -> None:
     """A policy that saw 16 swings towards a box reaches boxes that stand elsewhere."""
-    sizes: dict[str, Any] = {"width": 32, "batch": 32, "warm_up": 50, "denoisings": 10}
+    sizes: dict[str, Any] = {"width": 32, "batch": 32, "warm_up": 50, "denoisings": 10, "predicts": predicts}
     made = learn(tmp_path, episodes.small(16, 30), steps=600, network=network, **sizes)
     assert made.curve[-1] < 0.2 * made.curve[0]
     assert miss(made) < 0.1
@@ -201,7 +202,7 @@ def sample(network: Any, count: int = 2) -> Batch:
 
 @pytest.mark.medium
 def test_steps_far_after_the_end_are_not_learned(tmp_path: Path) -> None:
-    made = learn(tmp_path, episodes.small(4))
+    made = learn(tmp_path, episodes.small(4), predicts="noise")
     network = NETWORK.of_contract(made.contract)
     assert NETWORK.trained_on(sample(network).keep, 2)[0].tolist() == [True] * 6 + [False] * 2
     network.requires_grad_(False)

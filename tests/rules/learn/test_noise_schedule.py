@@ -36,17 +36,18 @@ def test_every_sample_has_its_own_level() -> None:
     np.testing.assert_allclose(mixed[:, 0, 0], SHARES[[0, 60]].sqrt())
 
 
+@pytest.mark.parametrize("what", ["noise", "sample"])
 @pytest.mark.parametrize("passes", [1, 3, 10, 100])
-def test_who_knows_the_noise_gets_the_sample_back(passes: int) -> None:
+def test_who_knows_the_noise_or_the_sample_gets_the_sample_back(passes: int, what: str) -> None:
     random = torch.Generator().manual_seed(1)
     sample, start = 2 * torch.rand(5, 16, 3, generator=random) - 1, torch.randn(5, 16, 3, generator=random)
     asked = list[int]()
 
-    def noise_in(mixed: Tensor, level: int) -> Tensor:
+    def told(mixed: Tensor, level: int) -> Tensor:
         asked.append(level)
-        return (mixed - SHARES[level].sqrt() * sample) / (1 - SHARES[level]).sqrt()
+        return sample if what == "sample" else (mixed - SHARES[level].sqrt() * sample) / (1 - SHARES[level]).sqrt()
 
-    np.testing.assert_allclose(SCHEDULE.denoised(start, SHARES, passes, noise_in), sample, atol=1e-4)
+    np.testing.assert_allclose(SCHEDULE.denoised(start, SHARES, passes, told, what), sample, atol=1e-4)
     assert asked == SCHEDULE.visited(100, passes)
     assert len(asked) == passes
     assert asked[-1] == 0
@@ -58,10 +59,11 @@ def test_a_wrong_answer_stays_in_range() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("what", "theirs_is"), [("noise", "epsilon"), ("sample", "sample")])
 @pytest.mark.parametrize("passes", [7, 10, 16])
-def test_it_agrees_with_diffusers(passes: int) -> None:
+def test_it_agrees_with_diffusers(passes: int, what: str, theirs_is: str) -> None:
     diffusers = pytest.importorskip("diffusers")
-    named = {"num_train_timesteps": 100, "beta_schedule": "squaredcos_cap_v2", "prediction_type": "epsilon"}
+    named = {"num_train_timesteps": 100, "beta_schedule": "squaredcos_cap_v2", "prediction_type": theirs_is}
     forward, back = diffusers.DDPMScheduler(**named), diffusers.DDIMScheduler(**named, clip_sample=True)
     torch.testing.assert_close(SHARES, forward.alphas_cumprod, rtol=1e-5, atol=1e-9)
     random = torch.Generator().manual_seed(2)
@@ -74,7 +76,7 @@ def test_it_agrees_with_diffusers(passes: int) -> None:
     theirs = start
     for step in back.timesteps:
         theirs = back.step(theirs.sin() * 0.9, step, theirs).prev_sample
-    ours = SCHEDULE.denoised(start, SHARES, passes, lambda mixed, level: mixed.sin() * 0.9)
+    ours = SCHEDULE.denoised(start, SHARES, passes, lambda mixed, level: mixed.sin() * 0.9, what)
     torch.testing.assert_close(ours, theirs, rtol=1e-4, atol=1e-4)
 
 
