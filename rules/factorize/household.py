@@ -3,7 +3,8 @@
 Every thing of the table predicts the mass by its own mass per volume of its smallest box, with a weight that falls with
 the difference of the sides, of the shape class and of the colour, and grows with the words that its name shares with
 what a vision-language model calls the body. The mass is the mixture of these predictions and of one without the table,
-times the likelihood of the mass that the model estimates.
+times the likelihood of the mass that the model estimates. The less certain the body's volume is, the wider are the
+predictions by the table.
 """
 
 from __future__ import annotations
@@ -138,7 +139,13 @@ class Told:
     """Mass that the model estimates [kg]."""
 
 
-def mass_of(sides_m: np.ndarray, told: Told, unknown: Quantiles, known: Sequence[Thing] | None = None) -> Mass:
+def mass_of(
+    sides_m: np.ndarray,
+    told: Told,
+    unknown: Quantiles,
+    known: Sequence[Thing] | None = None,
+    volume_sigma: float = 0.0,
+) -> Mass:
     """The mass of a body.
 
     Args:
@@ -146,6 +153,7 @@ def mass_of(sides_m: np.ndarray, told: Told, unknown: Quantiles, known: Sequence
         told: What is said about it.
         unknown: Its mass if it is none of the things [kg].
         known: The table; None: `things()`.
+        volume_sigma: Standard deviation of the log of its volume.
     """
     table = things() if known is None else known
     weights = np.array([_likeness(thing, sides_m, told) for thing in table])
@@ -153,7 +161,7 @@ def mass_of(sides_m: np.ndarray, told: Told, unknown: Quantiles, known: Sequence
     weights, rest = np.where(called, SAME_WORD, 1.0) * weights, NAMED_UNKNOWN if called.any() else UNKNOWN
     shares = np.append(weights * (1.0 - rest) / weights.sum(), rest)
     volume = float(np.prod(sides_m))
-    masses = [_mass(thing, volume) for thing in table]
+    masses = [_mass(thing, volume, volume_sigma) for thing in table]
     low, middle, high = of_mixture(shares, [*masses, unknown], told.mass_kg)
     materials: dict[str, float] = {}
     for thing, share in zip(table, shares.tolist(), strict=False):
@@ -162,10 +170,10 @@ def mass_of(sides_m: np.ndarray, told: Told, unknown: Quantiles, known: Sequence
     return Mass(low, middle, high, tuple(table[n].name for n in np.argsort(-weights)[:2]), materials)
 
 
-def _mass(thing: Thing, volume: float) -> Quantiles:
-    """The mass of such a thing whose smallest box has this volume [m^3]."""
+def _mass(thing: Thing, volume: float, volume_sigma: float) -> Quantiles:
+    """The mass of such a thing whose smallest box has this volume [m^3], which is uncertain."""
     middle = math.sqrt(thing.low_kg * thing.high_kg) * volume / math.prod(thing.sides_m)
-    factor = math.exp(math.hypot(math.log(thing.high_kg / thing.low_kg) / 2.0, Z90 * PACKED))
+    factor = math.exp(math.hypot(math.log(thing.high_kg / thing.low_kg) / 2.0, Z90 * PACKED, Z90 * volume_sigma))
     return middle / factor, middle, middle * factor
 
 

@@ -46,8 +46,10 @@ class PhysicsOptions(Options):
     mass_sigma: NonNegativeFloat = 0.02
     """Relative standard deviation of `mass_kg`."""
     volume_sigma: NonNegativeFloat = 0.10
-    """Relative standard deviation of the volume of a body without a cavity, half of which is unseen; it is proportional
-    to the unseen fraction."""
+    """Relative standard deviation of the volume of a body without a cavity, half of which is unseen, because of what is
+    unseen; it is proportional to the unseen fraction. The shape's own `volume_sigma` is added in squares: of a body
+    without depth, it contains the uncertainty of its sizes, and is usually the larger one. Both widen the interval of
+    the mass by the material and by things of a household."""
     wall_sigma: NonNegativeFloat = 0.35
     """Relative standard deviation of the volume of walls; their thickness is mostly assumed."""
     shell_m: PositiveFloat = 0.0015
@@ -55,7 +57,8 @@ class PhysicsOptions(Options):
     stiffness_n_m: PositiveFloat | None = None
     """Contact stiffness of the surface, for soft objects [N/m]; None: that of a hard surface."""
     untold_sigma: NonNegativeFloat = 0.2
-    """Relative standard deviation of the volume of a shape whose backend states no uncertainty."""
+    """Relative standard deviation of the volume of a shape whose backend states no uncertainty, for masses by its
+    material alone."""
 
 
 @rule(version=6)
@@ -141,12 +144,18 @@ def _density(material: Material, name: str, body: Body, options: PhysicsOptions)
     density, own = (
         (material.wall_density, material.wall_sigma) if body.hollow else (material.bulk_density, material.bulk_sigma)
     )
-    known = body.certainty or Certainty(unseen_fraction=0.5)
-    fit = options.untold_sigma if known.volume_sigma is None else known.volume_sigma
-    hidden = options.wall_sigma if body.hollow else options.volume_sigma * known.unseen_fraction / 0.5
-    sigma = math.hypot(own, fit, hidden, _rival_sigma(known.rival, density, material))
+    rival = None if body.certainty is None else body.certainty.rival
+    sigma = math.hypot(own, _volume_sigma(body, options, options.untold_sigma), _rival_sigma(rival, density, material))
     kind = "walls" if body.hollow else "whole"
     return density, sigma, f"material table: {name}, {kind} at {density:.0f} kg/m3"
+
+
+def _volume_sigma(body: Body, options: PhysicsOptions, untold: float) -> float:
+    """Standard deviation of the log volume given the hypothesis, from the fit, or `untold`, and what is unseen."""
+    known = body.certainty or Certainty(unseen_fraction=0.5)
+    fit = untold if known.volume_sigma is None else known.volume_sigma
+    hidden = options.wall_sigma if body.hollow else options.volume_sigma * known.unseen_fraction / 0.5
+    return math.hypot(fit, hidden)
 
 
 def _rival_sigma(rival: Rival | None, density: float, material: Material) -> float:
@@ -239,7 +248,8 @@ def _compared(
         if len(links) == 1:
             (label,) = links
             sides = household.sides(size * body.links[label].mesh.vertices.astype(np.float64))
-            found = household.mass_of(sides, told, _total(links, size))
+            spread = _volume_sigma(body, options, 0.0)
+            found = household.mass_of(sides, told, _total(links, size), volume_sigma=spread)
             source = f"things of this size and shape, like {' and '.join(found.likely)}"
             material = material if told.material else mixed(found.materials, material)
             links = _weighing(links, (found.low_kg, found.middle_kg, found.high_kg), size, _by(source, told))

@@ -70,7 +70,7 @@ class Element(Value):
     estimate: Estimate | None = None
     """Physical properties as the proposer states them; None if it states none."""
     cut: bool = False
-    """Whether the picture's border cuts it; what is outside the picture is completed by symmetry."""
+    """Whether the picture's border cuts it, as proposed; of an object, `Traits.cut` says it."""
     joints: tuple[JointHint, ...] = ()
     """Joints stated by the user."""
 
@@ -339,7 +339,7 @@ class Asset(Artifact):
     category: str
     """See `Element.category`."""
     cut: bool = False
-    """See `Element.cut`."""
+    """See `Traits.cut`."""
     asset_source: AssetSource = "rgb"
     """Source of the asset."""
     scale: ScaleSource = "depth"

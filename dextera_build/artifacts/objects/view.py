@@ -69,7 +69,7 @@ class Traits(Artifact):
     estimate: Estimate | None = None
     """See `Element.estimate`."""
     cut: bool = False
-    """See `Element.cut`."""
+    """Whether the picture's border cuts its mask; what is outside the picture is completed by symmetry."""
     phrase: str = ""
     """See `Element.phrase`; its colour and what it is called."""
     joints: tuple[JointHint, ...] = ()

@@ -1,4 +1,4 @@
-"""Warnings about elements that the picture's border cuts."""
+"""Warnings about elements that stay in the background because the picture's border cuts them."""
 
 from __future__ import annotations
 
@@ -7,31 +7,20 @@ from collections.abc import Iterator, Sequence
 from dextera_build.artifacts.objects.object import Element
 from dextera_build.errors import listing
 
-from ..overlap import Box
-from ..regions.borders import BAND
+from ..regions.borders import sides
 
 
 def doubts(elements: Sequence[Element], size: tuple[int, int]) -> Iterator[str]:
-    """A warning for each element that is cut: how its body is completed, or why it has none.
+    """A warning for each element that is cut so that it has no body; `factorize.segment` tells which objects are cut.
 
     Args:
         elements: Elements of the photograph.
         size: Its width and height [px].
     """
     for element in elements:
-        if element.cut and element.box:
-            where = f"the {listing(sides(element.box, size))} border of the picture cuts"
-            if element.interactive:
-                yield f"{where} {element.name}: what is outside the picture is completed by symmetry"
-            else:
-                yield (
-                    f"{where} the {element.phrase} in the box {list(element.box)}, and too little of it is in view to "
-                    "make a body: it stays in the background; move the camera to see it whole"
-                )
-
-
-def sides(box: Box, size: tuple[int, int]) -> list[str]:
-    """Sides of a picture of `size` (width, height) that a box touches."""
-    left, top, right, bottom = box
-    near = {"left": left, "top": top, "right": size[0] - right, "bottom": size[1] - bottom}
-    return [side for side, distance in near.items() if distance < BAND]
+        if element.cut and element.box and not element.interactive:
+            yield (
+                f"the {listing(sides(element.box, size))} border of the picture cuts the {element.phrase} in the box "
+                f"{list(element.box)}, and too little of it is in view to make a body: it stays in the background; "
+                "move the camera to see it whole"
+            )

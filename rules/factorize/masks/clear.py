@@ -45,6 +45,10 @@ BESIDE = 0.4
 """Fraction of its surroundings above which a region without depth belongs to the objects beside it."""
 RING_PX = 4
 """Width of the surroundings [px]."""
+BORDER_PX = 2
+"""Distance from an object's mask within which missing depth is its border's [px]."""
+STEP = 0.03
+"""Difference of depth between neighbours above which a surface does not go on, relative to the depth."""
 
 
 @dataclass(frozen=True)
@@ -75,10 +79,12 @@ def clear_things(seen: Workspace, masks: Mapping[str, np.ndarray]) -> list[Clear
 
     odd, area, places = _odd(seen)
     scraps = {name: mask for name, mask in masks.items() if _ring(mask, odd) > SCRAP and not _is_solid(mask, odd, area)}
-    taken = np.zeros(odd.shape, bool)
+    taken = _opaque(seen, masks, odd, area)
     for name, mask in masks.items():
         taken |= mask if name not in scraps else False
-    holes = ndimage.binary_opening(odd & ~ndimage.binary_dilation(taken, iterations=2), np.ones((3, 3), bool))
+    # The surroundings of a hole begin where it ends, and with them the bodies beside it.
+    taken = ndimage.binary_dilation(taken, iterations=BORDER_PX)
+    holes = ndimage.binary_opening(odd & ~taken, np.ones((3, 3), bool))
     own = holes.copy()
     for mask in scraps.values():
         own |= mask
@@ -102,18 +108,48 @@ def clear_things(seen: Workspace, masks: Mapping[str, np.ndarray]) -> list[Clear
 
 
 def _odd(seen: Workspace) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pixels (H, W) bool without depth over the support, or with depth below it.
+    """Pixels (H, W) bool without depth over the support, or with depth below it that is not of what goes on beyond it.
 
     Also the area of the support in each [m^2], and its place there (H, W, 2) [m].
     """
     depth = seen.depth.astype(np.float64)
     over, expected = seen.over_support()
-    low = (depth > 0) & (seen.world_points()[..., 2] < -SINKS_M - least_height(expected))
-    odd = over & ((depth <= 0) | low)
+    low = (depth > 0) & (seen.world_points()[..., 2] < -SINKS_M - least_height(depth))
+    odd = over & ((depth <= 0) | (low & ~_beyond(depth, low, over)))
     if seen.robot is not None:
         odd &= ~seen.robot
     places = transforms.apply(seen.world_from_camera, cameras.backproject(expected, seen.k))[..., :2]
     return odd, np.where(over, np.square(expected) / (seen.camera.fx * seen.camera.fy), 0.0), places
+
+
+def _beyond(depth: np.ndarray, low: np.ndarray, over: np.ndarray) -> np.ndarray:
+    """Pixels (H, W) bool of surfaces below the support that are for the most part seen beside it.
+
+    The outline of the support is convex and may include a strip of the floor, which is not seen through anything.
+    """
+    from scipy import ndimage
+
+    near, far = (find(depth, size=3) for find in (ndimage.minimum_filter, ndimage.maximum_filter))
+    labels, count = regions.label(low & (far - near < STEP * depth))
+    inside, every = (np.bincount(labels[where], minlength=count + 1) for where in (over, np.ones_like(over)))
+    larger = 2 * inside < every
+    larger[0] = False
+    return np.asarray(ndimage.binary_dilation(larger[labels], iterations=BORDER_PX) & low)
+
+
+def _opaque(seen: Workspace, masks: Mapping[str, np.ndarray], odd: np.ndarray, area: np.ndarray) -> np.ndarray:
+    """Pixels (H, W) bool above the support in no mask, of things larger than the regions without depth beside them."""
+    points = seen.world_points()
+    high = (seen.depth > 0) & (points[..., 2] > SINKS_M + least_height(seen.depth.astype(np.float64)))
+    high &= regions.inside_convex(points[..., :2], seen.support.polygon)
+    for mask in masks.values():
+        high &= ~mask
+    found = np.zeros_like(high)
+    labels, _ = regions.label(high)
+    for number in np.flatnonzero(np.bincount(labels.ravel(), area.ravel()) > LEAST_M2):
+        if number and _is_solid(labels == number, odd, area):
+            found |= labels == number
+    return found
 
 
 def _is_solid(mask: np.ndarray, odd: np.ndarray, area: np.ndarray) -> bool:

@@ -15,6 +15,7 @@ from dextera_build.geometry import upright
 
 from ..measured import Measurements, Workspace
 from ..overlap import crop
+from ..regions.borders import touched
 from ..regions.heights import relief
 from .occlusion import lower_in_the_picture, occluders
 
@@ -68,9 +69,10 @@ class Cutter:
         return Surroundings(labels, fixed, turns=turns)
 
     def instance(self, number: int, around: Surroundings, said: Said, margin: int) -> Instance:
-        """One object, cropped from the photograph and its depth."""
-        box = crop(around.labels == number, margin)
-        mask = np.ascontiguousarray(around.labels[box] == number)
+        """One object, cropped from the photograph and its depth; its mask decides whether the border cuts it."""
+        own = around.labels == number
+        box = crop(own, margin)
+        mask = np.ascontiguousarray(own[box])
         view = ObjectView(
             rgb=Image(pixels=np.ascontiguousarray(self.photograph.rgb.pixels[box])),
             mask=mask,
@@ -79,7 +81,8 @@ class Cutter:
             phrase=said.phrase,
             asset_source=said.source,
         )
-        return Instance(view=view, traits=said.traits, measured=_measured(self.measured, self.support, box))
+        traits = said.traits.model_copy(update={"cut": bool(touched(own))})
+        return Instance(view=view, traits=traits, measured=_measured(self.measured, self.support, box))
 
 
 Box = tuple[slice, slice]

@@ -12,10 +12,12 @@ from dextera_build.artifacts.cameras.image import LabelImage
 from dextera_build.artifacts.objects.object import Element, Elements, Support
 from dextera_build.artifacts.objects.view import Segmentation, Traits
 from dextera_build.errors import listing
+from dextera_build.geometry.regions import box_of
 from dextera_build.rule import Context, Fraction, Options, rule
 
 from ..measured import Measurements, Workspace, of_workspace, robot_pixels
 from ..overlap import suppress
+from ..regions.borders import sides
 from .beside_depth import things_beside_depth
 from .clear import Clear, clear_things
 from .cutting import Cutter, Said
@@ -96,6 +98,7 @@ def segment(
         found = {name: mask for name, mask in found.items() if name not in bad}
         result = _cut_out(cutter, found, said, static, options.margin_px) if bad else result
         _warn(ctx, result)
+    _tell_cut(ctx, result)
     lost = sorted(set(wanted) - set(result.names) - set(bad) - scraps)
     ctx.say(f"{', '.join(result.names)}" + (f"; nothing of {', '.join(lost)}" if lost else ""))
     ctx.preview(outlines(photograph.rgb.pixels, result.map.labels), "instances")
@@ -124,6 +127,14 @@ def _no_bodies(ctx: Context, result: Segmentation) -> dict[str, str]:
         "`factorize.mesh` that needs no depth: `dxb ls backends`",
     )
     return bad
+
+
+def _tell_cut(ctx: Context, result: Segmentation) -> None:
+    """A warning for each object that the border cuts."""
+    size = result.map.labels.shape[::-1]
+    for name in (name for name, one in result.items.items() if one.traits.cut):
+        where = f"the {listing(sides(box_of(result.mask(name)), size))} border of the picture cuts"
+        ctx.warn(f"{where} {name}: what is outside the picture is completed by symmetry")
 
 
 def _tell_clear(ctx: Context, pixels: np.ndarray, things: list[Clear]) -> None:

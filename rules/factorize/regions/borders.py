@@ -11,6 +11,7 @@ import numpy as np
 from dextera_build.geometry.depth_view import DepthView
 from dextera_build.geometry.revolution import off_axis, vertical_axis
 
+from ..overlap import Box
 from .patches import Surfaces
 from .relations import Group
 
@@ -40,6 +41,13 @@ BESIDE = 24
 def touched(mask: np.ndarray) -> tuple[int, ...]:
     """Sides of the picture that a mask (H, W) bool touches."""
     return tuple(side for side in (LEFT, TOP, RIGHT, BOTTOM) if np.rot90(mask, side)[:, :BAND].any())
+
+
+def sides(box: Box, size: tuple[int, int]) -> list[str]:
+    """Sides of a picture of `size` (width, height) that a box touches."""
+    left, top, right, bottom = box
+    near = {"left": left, "top": top, "right": size[0] - right, "bottom": size[1] - bottom}
+    return [side for side, distance in near.items() if distance < BAND]
 
 
 def in_view(s: Surfaces, group: Group, mask: np.ndarray, floor: np.ndarray, seen: DepthView) -> float:

@@ -45,13 +45,29 @@ class Fitted:
 
 
 def fitted_of(candidate: Candidate, evidence: Evidence, steps: int, tries: int = 2) -> Fitted:
-    """Fit a family from the best `tries` of its initial guesses, in at most `steps` steps."""
+    """Fit a family from the best `tries` of its initial guesses, in at most `steps` steps.
+
+    A body that may have a handle has the score with it if that is better: a family of any outline explains the handle
+    from the start.
+    """
     found = fit(candidate.model, evidence, steps, tries)
     body = candidate.model.build(found.parameters)
     hovers = max(0.0, float(body.vertices[:, 2].min()))
     cost = HOVERING * hovers if hovers < HIDDEN_M else 0.0
-    score = judge(body, evidence, candidate.model.cost).score - cost
-    return Fitted(candidate, found.parameters, score, body.volume)
+    score = judge(body, evidence, candidate.model.cost).score
+    if candidate.model.name in HANDLED:
+        handled = _handled(candidate.finish(found.parameters), evidence, candidate.model.cost)
+        score = score if handled is None else max(score, handled[1].score)
+    return Fitted(candidate, found.parameters, score - cost, body.volume)
+
+
+def _handled(body: Finished, evidence: Evidence, cost: float) -> tuple[Finished, Judgement] | None:
+    """The body with the handle that the mask shows, and its scores; None without one."""
+    found = with_handle(body, evidence)
+    # A strap that extends below the base belongs to something else in the mask.
+    if found is None or found.solid.vertices[:, 2].min() <= -1e-6:
+        return None
+    return found, judge(found.solid.moved(found.pose), evidence, cost)
 
 
 def followed(found: Fitted, evidence: Evidence, steps: int) -> list[Fitted]:
@@ -140,12 +156,9 @@ def _finished(best: Fitted, evidence: Evidence, whole: Evidence, steps: int) -> 
     winner = int(np.argmax([mark.score for mark in judged]))
     body, mark = choices[winner], judged[winner]
     if candidate.model.name in HANDLED:
-        handled = with_handle(body, whole)
-        # A strap that extends below the base belongs to something else in the mask.
-        if handled is not None and handled.solid.vertices[:, 2].min() > -1e-6:
-            again = judge(handled.solid.moved(handled.pose), whole, cost)
-            if again.score > mark.score:
-                body, mark = handled, again
+        handled = _handled(body, whole, cost)
+        if handled is not None and handled[1].score > mark.score:
+            body, mark = handled
     return lifted(body, evidence.base), mark, left
 
 

@@ -274,6 +274,21 @@ def test_things_of_a_household_are_compared_in_metres(runner):
 CARTON = object_views.mesh(solids.box((0.060, 0.158, 0.210), (0.0, 0.0, 0.105)))
 
 
+@pytest.mark.parametrize("proposed", ["wood", "cardboard"])
+def test_the_less_certain_the_volume_the_wider_the_mass(runner, proposed):
+    """Of a body without depth, the fit's own interval is the wide one; by material and by things of a household."""
+
+    def width(fit: float, unseen: float = 0.0, **options: float) -> float:
+        body = known(object_views.body(CARTON), volume_sigma=fit, unseen_fraction=unseen)
+        return log_width(weigh(runner, body, proposed, category="box", **options))
+
+    widths = [width(fit) for fit in (0.0, 0.3, 0.6)]
+    assert widths[1] > 1.05 * widths[0]
+    assert widths[2] > 1.1 * widths[1]
+    assert width(0.0, 0.5, volume_sigma=0.6) == pytest.approx(widths[2])
+    assert width(0.6, 0.5, volume_sigma=0.1) == pytest.approx(widths[2], rel=0.03)
+
+
 def told(runner, body, estimate, proposed="cardboard", category="box", **options) -> Physics:
     """The physics of a body of which a model states an estimate."""
     traits = object_views.view(body.links["base"].mesh, np.eye(4), material=proposed).traits

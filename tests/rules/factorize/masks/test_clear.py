@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy import ndimage
@@ -109,3 +111,47 @@ def test_a_body_that_is_measured_for_the_most_part_is_not_clear(tmp_path):
     support = RuleRunner(tmp_path).run("align.support", **factories.shot(scene.capture))
     seen = Workspace(photograph, depth, support)
     assert not clear.clear_things(seen, {"box": scene.labels.labels == 1, "can": can & ~right})
+
+
+def found(capture: Capture, folder: Path, masks: dict[str, np.ndarray], *, farther_m: float = 0.0) -> list[clear.Clear]:
+    """Clear things beside masks; the far edge of the support's outline lies `farther_m` too far away at one end [m]."""
+    support = RuleRunner(folder).run("align.support", **factories.shot(capture))
+    corners = support.polygon.copy()
+    corners[np.argmax(corners @ [-1.0, 1.0])] += [0.0, farther_m]
+    assert capture.measured is not None
+    seen = Workspace(capture.photograph, capture.measured.depth.depth, support.model_copy(update={"polygon": corners}))
+    return clear.clear_things(seen, masks)
+
+
+@pytest.mark.medium
+def test_a_strip_of_the_floor_inside_the_outline_of_the_support_is_no_thing(tmp_path):
+    """A screen hides a part of it, so it is no longer than things are."""
+    screen = (tabletops.box(0.65, 0.05, 0.25, (0.2, 0.3, 0.7)), factories.pose(0.17, 0.36))
+    scene = tabletops.tabletop(screen, lens=tabletops.FINE)
+    assert not found(scene.capture, tmp_path, {"screen": scene.labels.labels == 1}, farther_m=0.15)
+
+
+@pytest.mark.medium
+def test_a_glass_is_found_although_the_outline_is_too_large(tmp_path):
+    capture, glass = with_glass(seen_through=0.5)
+    (thing,) = found(capture, tmp_path, {}, farther_m=0.15)
+    assert tabletops.iou(thing.mask, glass) > 0.7
+
+
+@pytest.mark.medium
+@pytest.mark.parametrize("parted", [True, False])
+def test_a_stripe_without_depth_through_an_opaque_thing_is_no_thing(tmp_path, parted):
+    """The halves are two objects, or in no mask, as furniture is."""
+    tower = (tabletops.box(0.16, 0.1, 0.12 if parted else 0.3, (0.2, 0.3, 0.7)), factories.pose(0.12, 0.0, yaw=0.2))
+    scene = tabletops.tabletop(BOX, tower, lens=tabletops.FINE)
+    assert scene.capture.measured is not None
+    own, depth = scene.labels.labels == 2, scene.capture.measured.depth.depth.copy()
+    rows, columns = np.indices(own.shape)
+    middle = np.nonzero(own)[1].mean() if parted else np.nonzero(own)[0].min() + 70
+    stripe = ndimage.binary_dilation(own, iterations=4) & (abs((columns if parted else rows) - middle) < 15)
+    depth[stripe] = 0.0
+    masks = {"box": scene.labels.labels == 1}
+    if parted:
+        masks |= {"left": own & ~stripe & (columns < middle), "right": own & ~stripe & (columns > middle)}
+    photograph = scene.capture.photograph
+    assert not found(factories.rgbd(photograph.rgb.pixels, depth, photograph.camera), tmp_path, masks)

@@ -7,9 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.cameras.camera import Capture
-from dextera_build.artifacts.objects.object import Element
+from dextera_build.artifacts.cameras.camera import Capture, Photograph
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.objects.object import Element, Elements
+from dextera_build.artifacts.objects.view import Segmentation, Traits
+from dextera_build.rule import Context
 from dextera_build.testing import RuleRunner
+from rules.factorize.masks.cutting import Cutter, Said
+from rules.factorize.measured import Measurements
 from rules.factorize.regions import borders
 from tests import factories, tabletops
 
@@ -25,6 +30,14 @@ def parsed(folder: Path, capture: Capture) -> tuple[list[Element], list[str]]:
     support = runner.run("align.support", **factories.shot(capture))
     found = runner.run("factorize.parse", **factories.shot(capture), support=support)
     return [element for element in found.elements if element.category != "support"], runner.outcome.warnings
+
+
+def seen(folder: Path, capture: Capture) -> tuple[RuleRunner, Elements, Segmentation]:
+    """Elements and masks, and the runner of the latter."""
+    runner, shot = RuleRunner(folder), factories.shot(capture)
+    support = runner.run("align.support", **shot)
+    elements = runner.run("factorize.parse", **shot, support=support)
+    return runner, elements, runner.run("factorize.segment", **shot, support=support, elements=elements)
 
 
 def with_can(share_m: float) -> Capture:
@@ -44,13 +57,29 @@ def lower_part_cut(capture: Capture, rows: int) -> Capture:
 
 @pytest.mark.slow
 def test_a_can_that_the_border_cuts_beyond_its_axis_is_an_object(tmp_path):
-    found, warnings = parsed(tmp_path, with_can(0.5 * CAN_M))
-    cut = {element.name: element.cut for element in found if element.interactive}
-    assert list(cut.values()) == [False, True] or list(cut.values()) == [True, False]
-    name = next(name for name in cut if cut[name])
-    assert warnings == [
+    capture = with_can(0.5 * CAN_M)
+    runner, found, segmented = seen(tmp_path, capture)
+    assert [element.cut for element in found.elements if element.interactive] in ([False, True], [True, False])
+    (name,) = (name for name, one in segmented.items.items() if one.traits.cut)
+    assert runner.outcome.warnings == [
         f"the right border of the picture cuts {name}: what is outside the picture is completed by symmetry"
     ]
+
+
+@pytest.mark.slow
+def test_an_object_whose_mask_grows_to_the_border_is_cut(tmp_path):
+    """Depth ends before the picture does, so parsing sees a whole can; its colour goes on to the border."""
+    capture = with_can(0.5 * CAN_M)
+    assert capture.measured is not None
+    depth = capture.measured.depth.depth.copy()
+    depth[:, -5:] = 0.0
+    runner, elements, segmented = seen(
+        tmp_path, factories.rgbd(capture.photograph.rgb.pixels, depth, capture.photograph.camera)
+    )
+    assert not any(element.cut for element in elements.elements)
+    (name,) = (name for name in segmented.names if borders.touched(segmented.mask(name)))
+    assert [name] == [name for name, one in segmented.items.items() if one.traits.cut]
+    assert any(f"the right border of the picture cuts {name}:" in text for text in runner.outcome.warnings)
 
 
 @pytest.mark.slow
@@ -102,12 +131,26 @@ def test_nothing_but_a_border_is_touched():
     assert borders.touched(mask[10:, :20]) == (borders.TOP, borders.RIGHT)
 
 
+def test_masks_decide_which_objects_are_cut(tmp_path):
+    """What parsing had said of them does not count."""
+    labels = np.zeros((40, 60), np.int32)
+    labels[10:30, 5:20], labels[10:30, 50:] = 1, 2
+    photograph = Photograph(rgb=Image(pixels=np.zeros((40, 60, 3), np.uint8)), camera=factories.camera(60, 40))
+    traits = Traits(category="object", body_type="rigid", material="plastic", cut=True)
+    said = {
+        "inside": Said("thing", traits, "rgb"),
+        "grown": Said("thing", traits.model_copy(update={"cut": False}), "rgb"),
+    }
+    cutter = Cutter(photograph, None, None, Measurements(Context(scratch=tmp_path), None, "no depth"))
+    found = cutter.cut_out(labels, said, [], 4)
+    assert {name: one.traits.cut for name, one in found.items.items()} == {"inside": False, "grown": True}
+
+
 @pytest.mark.slow
 def test_a_cut_can_is_completed_by_symmetry(tmp_path):
-    runner, capture = RuleRunner(tmp_path), with_can(0.5 * CAN_M)
+    capture = with_can(0.5 * CAN_M)
+    runner, _, segmented = seen(tmp_path, capture)
     support = runner.run("align.support", **factories.shot(capture))
-    elements = runner.run("factorize.parse", **factories.shot(capture), support=support)
-    segmented = runner.run("factorize.segment", **factories.shot(capture), support=support, elements=elements)
     (one,) = [item for item in segmented.items.values() if item.traits.cut]
     shape = runner.run("factorize.mesh", view=one.view, measured=one.measured, support=support)
     assert shape.mesh.extent == pytest.approx((2 * CAN_M, 2 * CAN_M, 0.12), abs=0.004)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dextera_build.geometry import raycast
-from rules.factorize.shapes import evidence, hypotheses, scoring
+from rules.factorize.shapes import evidence, fitted, hypotheses, scoring
 from tests import object_views
 from tests.rules.factorize import synthetic_views as synthetic
 from tests.rules.factorize.shapes.test_mesh import box, shape_of
@@ -33,3 +33,16 @@ def test_rays_across_the_outline_meet_what_single_rays_meet(body):
         every = np.isfinite(scene.cast(seen.rays).distance)
         assert 0.2 < every.mean() < 0.8
         assert (seen.met(scene) == every).mean() > 0.999
+
+
+@pytest.mark.medium
+def test_families_are_compared_with_the_handle_that_they_may_have():
+    """Without it, a mirrored front, which copies any outline, explained mugs better than a vessel did."""
+    seen = synthetic.view(synthetic.placed(object_views.mug(), 0.0, 0.0, 20), synthetic.Eye())
+    found = evidence.gather(object_views.seen(seen))
+    (vessel,) = hypotheses.propose(found, ("revolved_hollow",), 0.003)
+    fit = fitted.fitted_of(vessel, found, 6)
+    bare = scoring.judge(vessel.model.build(fit.parameters), found, vessel.model.cost)
+    assert fit.score > bare.score + 0.03
+    (front,) = hypotheses.propose(found, ("mirrored",), 0.003)
+    assert fit.score > fitted.fitted_of(front, found, 6).score
