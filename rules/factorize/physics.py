@@ -59,7 +59,7 @@ class PhysicsOptions(Options):
     """Relative standard deviation of the volume of a shape whose backend states no uncertainty."""
 
 
-@rule(version=7)
+@rule(version=6)
 def physics(
     ctx: Context,
     body: Body,
