@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from pydantic import NonNegativeFloat, PositiveFloat
 
+from dextera_build.artifacts.objects import similar
 from dextera_build.artifacts.objects.object import (
     Body,
     Certainty,
@@ -73,6 +74,9 @@ def physics(
 ) -> Physics:
     """Return mass properties of every link, in the object frame with all joints at 0, in SI units of the unscaled body.
 
+    The reported mass and volume are those of the body at its scale, as they end in the twin; while the scale is not
+    known, this is said instead.
+
     The mass of a body with a cavity is the material's density times the volume of its walls. Any other body has unseen
     contents and voids, so the bulk density of such products is used. If the material's products are containers, the
     mass is that of things of a household with about its size, shape and colour, see `household`, and friction and
@@ -102,17 +106,10 @@ def physics(
     size = _size(placement, support)
     estimate = traits.estimate if name == traits.material else None
     if options.mass_kg is None and size is not None:
-        told = _told(traits, name if confidence == 1.0 else "", estimate)
+        told = _told(traits, name, confidence, estimate)
         links, source, material = _compared(links, source, body, size, told, material, options)
-    mass, low, high = (
-        sum(getattr(link, name) for link in links.values()) for name in ("mass_kg", "mass_low_kg", "mass_high_kg")
-    )
-    ctx.metric("mass", mass, "kg")
-    ctx.metric("volume", sum(solid.volume for solid in solids.values()) * 1e6, "cm3")
     material = material if estimate is None else _touched(material, estimate)
-    friction = f"friction {material.friction:.2f} ± {Z90 * material.friction_sigma:.2f}"
-    ctx.say(f"{_grams(mass)} ({_grams(low)} to {_grams(high)}), {source}, {friction}")
-    return Physics(
+    made = Physics(
         links=links,
         friction=material.friction,
         friction_sigma=material.friction_sigma,
@@ -122,6 +119,27 @@ def physics(
         material=name,
         weighed=options.mass_kg is not None,
     )
+    _tell(ctx, made, sum(solid.volume for solid in solids.values()), size, placement)
+    return made
+
+
+def _tell(ctx: Context, made: Physics, volume: float, size: float | None, placement: Placement | None) -> None:
+    """Report the body as it ends in the twin; `volume` is in cubic units of its meshes, `size` see `_size`."""
+    source = next(iter(made.links.values())).source
+    rest = f"{source}, friction {made.friction:.2f} ± {Z90 * made.friction_sigma:.2f}"
+    if size is None and not made.weighed:
+        ctx.say(f"mass and volume not known, since the scale is not; {rest}")
+        return
+    if size is not None:
+        ctx.metric("volume", size**3 * volume * 1e6, "cm3")
+    scaled = made if size is None else similar.physics(made, similar.scaled(size))
+    scaled = scaled if placement is None else similar.widened(scaled, placement.scale_sigma)
+    mass, low, high = (
+        sum(getattr(link, name) for link in scaled.links.values())
+        for name in ("mass_kg", "mass_low_kg", "mass_high_kg")
+    )
+    ctx.metric("mass", mass, "kg")
+    ctx.say(f"{_grams(mass)} ({_grams(low)} to {_grams(high)}), {rest}")
 
 
 def _confidence(traits: Traits, body: Body, options: PhysicsOptions) -> float:
@@ -218,14 +236,14 @@ def _perhaps_empty(full: Inertial, link: Link, size: float, material: Material, 
     return full.model_copy(update={"mass_low_kg": min(full.mass_low_kg, walls)})
 
 
-def _told(traits: Traits, certain: str, estimate: Estimate | None) -> household.Told:
-    """What is said about a body: its class, colour, its material if that is certain, and what a model states."""
+def _told(traits: Traits, material: str, confidence: float, estimate: Estimate | None) -> household.Told:
+    """What is said about a body: its class, material and colour, and what a model states."""
     words = traits.phrase.lower().split()
     colour = words[0] if words and words[0] in household.COLOURS else ""
     if estimate is None:
         word = words[-1] if words and words[-1] != traits.category else ""
-        return household.Told(traits.category, certain, word, colour)
-    return household.Told(traits.category, certain, "", colour, estimate.phrase, estimate.mass_kg)
+        return household.Told(traits.category, material, confidence, word, colour)
+    return household.Told(traits.category, material, confidence, "", colour, estimate.phrase, estimate.mass_kg)
 
 
 def _compared(
@@ -251,7 +269,7 @@ def _compared(
             spread = _volume_sigma(body, options, 0.0)
             found = household.mass_of(sides, told, _total(links, size), volume_sigma=spread)
             source = f"things of this size and shape, like {' and '.join(found.likely)}"
-            material = material if told.material else mixed(found.materials, material)
+            material = material if told.confidence == 1.0 else mixed(found.materials, material)
             links = _weighing(links, (found.low_kg, found.middle_kg, found.high_kg), size, _by(source, told))
             return links, _by(source, told), material
     if told.mass_kg is None:

@@ -17,7 +17,6 @@ import torch
 
 from dextera_build.artifacts.cameras.camera import Photograph
 from dextera_build.artifacts.cameras.image import Image
-from dextera_build.artifacts.robots.noise import DepthNoise
 from dextera_build.sim.render.sensor import measure_depth
 from rules.factorize.measured import Workspace, without_dropout
 from rules.factorize.regions import heights, patches, proposals
@@ -75,18 +74,7 @@ def pairs(seen: Workspace, labels: np.ndarray, rng: np.random.Generator) -> Iter
 
 def measured(shot: quick_scenes.Shot, rng: np.random.Generator) -> Workspace:
     """The scene in another light, larger or smaller as a whole, measured by a depth camera drawn at random."""
-    options = DepthNoise(
-        subpixel_px=0.05 * 2 ** rng.uniform(-1.5, 1.5),
-        correlation_px=int(rng.integers(1, 6)),
-        edge_px=int(rng.integers(1, 4)),
-        edge_loss=rng.uniform(0.1, 0.95),
-        smear=rng.uniform(0.0, 1.0),
-        dark_loss=rng.uniform(0.0, 0.7),
-        shine_loss=rng.uniform(0.0, 0.8),
-        step_m=float(rng.choice([0.0001, 0.001, 0.002])),
-        dropout=float(rng.choice([0.002, 0.05])),
-    )
-    depth = measure_depth(shot.depth, shot.rgb, shot.camera.matrix(), options, rng)
+    depth = measure_depth(shot.depth, shot.rgb, shot.camera.matrix(), quick_scenes.sensor(rng), rng)
     light = shot.rgb * rng.uniform(0.6, 1.5) * rng.uniform(0.85, 1.15, 3)
     exact = 255.0 * np.clip(light, 0.0, 1.0) ** rng.uniform(0.8, 1.25)
     pixels = np.clip(exact + rng.normal(0.0, rng.uniform(1.0, 4.0), exact.shape), 0, 255).astype(np.uint8)

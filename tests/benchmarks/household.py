@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import colorsys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,6 +26,8 @@ class Piece:
     """Half widths of what fits into it along x and y, and the height of its floor [m]; None if it is closed."""
     top: float | None = None
     """Height of a level top on which something stands [m]; None without one."""
+    word: str = ""
+    """What it is called: the name of its family, or of the mesh's kind."""
 
     def moved(self, pose: np.ndarray) -> tuple[Mesh, ...]:
         """Its parts after a rigid (4, 4) motion."""
@@ -39,12 +41,16 @@ def draw(rng: np.random.Generator) -> Piece:
         *((2, book), (1.5, fruit), (2, tool), (1, stepped)),
     )
     weights = np.array([weight for weight, _ in families])
-    return families[int(rng.choice(len(families), p=weights / weights.sum()))][1](rng)
+    return _called(families[int(rng.choice(len(families), p=weights / weights.sum()))][1], rng)
 
 
 def small(rng: np.random.Generator) -> Piece:
     """A thing that fits into a vessel."""
-    return (fruit, can, carton, tool)[int(rng.choice(4, p=[0.5, 0.2, 0.15, 0.15]))](rng)
+    return _called((fruit, can, carton, tool)[int(rng.choice(4, p=[0.5, 0.2, 0.15, 0.15]))], rng)
+
+
+def _called(family: Callable[[np.random.Generator], Piece], rng: np.random.Generator) -> Piece:
+    return replace(family(rng), word=family.__name__)
 
 
 def colour(rng: np.random.Generator) -> Colour:

@@ -5,12 +5,14 @@ Things of `household` stand or lie, apart or touching, on one another and in ves
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.objects.object import Support
+from dextera_build.artifacts.robots.noise import DepthNoise
 from dextera_build.artifacts.scenes.world import Lamp
 from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.artifacts.spatial.pose import Pose
@@ -39,14 +41,24 @@ class _Placed:
     parts: tuple[Mesh, ...]
     outline: np.ndarray  # (k, 2)
     level: float | None  # height of a top on which something can stand
+    word: str
 
 
 def scene(rng: np.random.Generator, half: np.ndarray) -> list[tuple[Mesh, ...]]:
     """The parts of every thing on the table z = 0 of half the size `half` (2,) [m]."""
+    return [parts for _, parts in named_scene(rng, half)]
+
+
+def named_scene(
+    rng: np.random.Generator,
+    half: np.ndarray,
+    draw: Callable[[np.random.Generator], household.Piece] = household.draw,
+) -> list[tuple[str, tuple[Mesh, ...]]]:
+    """Word and parts of every thing, as of `scene`; `draw` chooses the things."""
     placed: list[_Placed] = []
     gap = GAP_M if rng.uniform() < 0.6 else 0.02
     for _ in range(int(rng.integers(3, 10))):
-        thing = household.draw(rng)
+        thing = draw(rng)
         kind = rng.uniform()
         below = [other for other in placed if other.level is not None]
         if kind < 0.2 and below:
@@ -55,7 +67,7 @@ def scene(rng: np.random.Generator, half: np.ndarray) -> list[tuple[Mesh, ...]]:
         found = _stand(thing, placed, half, gap, rng)
         if found is not None and thing.inside is not None and rng.uniform() < 0.45:
             _fill(thing, found, placed, rng)
-    return [one.parts for one in placed]
+    return [(one.word, one.parts) for one in placed]
 
 
 def _stand(
@@ -77,7 +89,7 @@ def _stand(
             pose = transforms.rigid(turn, np.array([*spot, -low]))
             level = top if lying and thing.top is not None and thing.inside is None else thing.top
             flat = level is not None and not (lying and _round(thing))
-            placed.append(_Placed(thing.moved(pose), moved, level if flat else None))
+            placed.append(_Placed(thing.moved(pose), moved, level if flat else None, thing.word))
             return None if lying else pose
     return None
 
@@ -109,7 +121,7 @@ def _stack(thing: household.Piece, below: _Placed, placed: list[_Placed], rng: n
     pose = transforms.rigid(turn, np.array([*spot, below.level]))
     level = None if thing.top is None else below.level + thing.top
     below.level = None
-    placed.append(_Placed(thing.moved(pose), outline, level))
+    placed.append(_Placed(thing.moved(pose), outline, level, thing.word))
 
 
 def _fill(vessel: household.Piece, pose: np.ndarray, placed: list[_Placed], rng: np.random.Generator) -> None:
@@ -131,7 +143,7 @@ def _fill(vessel: household.Piece, pose: np.ndarray, placed: list[_Placed], rng:
         if all(apart(moved, other, GAP_M) for other in own):
             own.append(moved)
             place = transforms.rigid(turn, np.array([*spot, pose[2, 3] + floor + 0.0005]))
-            placed.append(_Placed(thing.moved(place), moved, None))
+            placed.append(_Placed(thing.moved(place), moved, None, thing.word))
 
 
 def _round(thing: household.Piece) -> bool:
@@ -217,4 +229,19 @@ def surface(mesh: Mesh, pose: np.ndarray | None = None) -> raycast.Surface:
     texture = None if mesh.texture is None else mesh.texture.pixels
     return raycast.Surface(
         vertices if pose is None else transforms.apply(pose, vertices), mesh.faces, mesh.uv, texture, mesh.colour
+    )
+
+
+def sensor(rng: np.random.Generator) -> DepthNoise:
+    """A depth camera drawn at random."""
+    return DepthNoise(
+        subpixel_px=0.05 * 2 ** rng.uniform(-1.5, 1.5),
+        correlation_px=int(rng.integers(1, 6)),
+        edge_px=int(rng.integers(1, 4)),
+        edge_loss=rng.uniform(0.1, 0.95),
+        smear=rng.uniform(0.0, 1.0),
+        dark_loss=rng.uniform(0.0, 0.7),
+        shine_loss=rng.uniform(0.0, 0.8),
+        step_m=float(rng.choice([0.0001, 0.001, 0.002])),
+        dropout=float(rng.choice([0.002, 0.05])),
     )

@@ -8,6 +8,7 @@ hinge between parts stretched in one direction would no longer close.
 
 from __future__ import annotations
 
+import math
 from typing import TypeAlias
 
 import numpy as np
@@ -16,8 +17,11 @@ from dextera_build.artifacts.objects.object import Asset, Body, Collision, Inert
 from dextera_build.artifacts.shapes.mesh import Hull, Mesh
 from dextera_build.artifacts.spatial.pose import Pose, Similarity
 from dextera_build.geometry import massprops, transforms
+from dextera_build.statistics import Z90
 
 Triple: TypeAlias = tuple[float, float, float]
+UNTOLD_SIGMA = 0.1
+"""Standard deviation of the log scale, for the interval of the mass, if the placement states none."""
 
 
 def scaled(scale: float, frame: str = "object") -> Similarity:
@@ -70,6 +74,29 @@ def physics(made: Physics, motion: Similarity) -> Physics:
     grows = 1.0 if made.weighed else motion.scale**3
     links = {name: _inertial(link, motion, grows) for name, link in made.links.items()}
     return made.model_copy(update={"links": links})
+
+
+def widened(made: Physics, scale_sigma: float | None) -> Physics:
+    """Mass properties whose intervals include the uncertainty of the scale; weighed masses are unchanged.
+
+    Args:
+        made: Mass properties of the scaled body.
+        scale_sigma: Standard deviation of the logarithm of its scale; None: `UNTOLD_SIGMA`.
+    """
+    if made.weighed:
+        return made
+    more = 3.0 * (UNTOLD_SIGMA if scale_sigma is None else scale_sigma)
+    return made.model_copy(update={"links": {name: _widened(link, more) for name, link in made.links.items()}})
+
+
+def _widened(link: Inertial, sigma: float) -> Inertial:
+    if link.mass_low_kg <= 0.0:
+        return link
+    own = math.log(link.mass_high_kg / link.mass_low_kg) / (2.0 * Z90)
+    factor = math.exp(Z90 * (math.hypot(own, sigma) - own))
+    return link.model_copy(
+        update={"mass_low_kg": link.mass_low_kg / factor, "mass_high_kg": link.mass_high_kg * factor}
+    )
 
 
 def collision(made: Collision, motion: Similarity) -> Collision:

@@ -8,6 +8,7 @@ from dextera_build.artifacts.objects.object import Element
 
 from ..regions.heights import Relief
 from ..regions.proposals import Proposal
+from . import cuboids, round_forms
 from .nouns import noun
 
 HUES = (
@@ -27,8 +28,8 @@ INWARD, VESSEL, SOLID = 0.12, 0.2, 0.04
 """Fraction of the seen surface that faces the object's centre: above 0.2 for bowls and mugs, below 0.04 for solids."""
 FLAT = 0.75
 """Fraction of the seen surface in flat faces above which a body is a box."""
-LEVEL = 0.9
-"""Smallest upward component of the normal of a level surface."""
+BORDER_PX = 2
+"""Width of the border of a mask in which depth is smeared [px]."""
 SURE, UNSURE = 0.9, 0.5
 """Confidence of the material for a clearly recognised shape class, and for a shape at the boundary between two
 classes."""
@@ -50,8 +51,8 @@ def colour_word(lab: np.ndarray) -> str:
     return str(names[int(np.argmax(counts))])
 
 
-def shape_class(proposal: Proposal, relief: Relief) -> str:
-    """`box`, `cylinder`, `bowl`, `mug`, `laptop` or `object`, from the curvature of the surface."""
+def shape_class(proposal: Proposal, relief: Relief, eye: np.ndarray) -> str:
+    """`box`, `cylinder`, `bowl`, `mug`, `laptop` or `object`, from the form of the surface seen from `eye` (3,)."""
     if proposal.hinged:
         return "laptop"
     if proposal.inward > INWARD:
@@ -59,6 +60,9 @@ def shape_class(proposal: Proposal, relief: Relief) -> str:
         width = float(np.median(np.quantile(points[:, :2], 0.98, axis=0) - np.quantile(points[:, :2], 0.02, axis=0)))
         return "mug" if proposal.top_m > 0.75 * width else "bowl"
     if _flat(proposal) > FLAT and _square(proposal.facets):
+        return "box"
+    inner = _inner(proposal, relief)
+    if cuboids.is_box(inner, eye) and round_forms.cylinder(inner, eye) is None:
         return "box"
     bent = sum(p.area_m2 for p in proposal.patches if p.bend > 0.08 and p.flatness_m > 0.003)
     return "cylinder" if bent > 0.15 * sum(p.area_m2 for p in proposal.patches) else "object"
@@ -80,8 +84,16 @@ def word(proposal: Proposal, relief: Relief, eye: np.ndarray, shape: str) -> str
     """What the thing is called: an everyday word if its outline and size tell it, else its shape class."""
     if shape not in ("cylinder", "object") or proposal.static or proposal.cut:
         return shape
-    level = sum(share for normal, share in proposal.facets if normal[2] > LEVEL)
-    return noun(relief.points[proposal.mask & relief.valid], eye, level, bent=shape == "cylinder") or shape
+    points = relief.points[proposal.mask & relief.valid]
+    return noun(points, _inner(proposal, relief), eye, bent=shape == "cylinder") or shape
+
+
+def _inner(proposal: Proposal, relief: Relief) -> np.ndarray:
+    """Seen points (N, 3) of a thing that are not at the border of its mask [m]."""
+    from scipy import ndimage
+
+    inner = ndimage.binary_erosion(proposal.mask, iterations=BORDER_PX) & relief.valid
+    return np.asarray(relief.points[inner])
 
 
 def _flat(proposal: Proposal) -> float:
@@ -99,7 +111,7 @@ def elements(proposals: tuple[Proposal, ...], relief: Relief, lab: np.ndarray, e
     found: list[Element] = []
     taken: set[str] = set()
     for proposal in proposals:
-        shape = shape_class(proposal, relief)
+        shape = shape_class(proposal, relief, eye)
         colour = colour_word(lab[proposal.mask])
         called = word(proposal, relief, eye, shape)
         base = "fixture" if proposal.static else f"{colour}_{called}"

@@ -7,14 +7,11 @@ import math
 import numpy as np
 
 from dextera_build.artifacts.objects import similar
-from dextera_build.artifacts.objects.object import Asset, Body, Collision, Inertial, Physics, Placement, Support
+from dextera_build.artifacts.objects.object import Asset, Body, Collision, Physics, Placement, Support
 from dextera_build.artifacts.objects.view import Traits
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.rule import Context, rule
 from dextera_build.statistics import Z90
-
-UNTOLD_SIGMA = 0.1
-"""Standard deviation of the log scale, for the interval of the mass, if the placement states none."""
 
 
 @rule(version=3)
@@ -41,7 +38,7 @@ def asset(
     s = placement.scale * factor
     ctx.check(bool(np.isfinite(s)) and s > 0.0, f"the scale is {s}, but it is positive")
     sized = similar.scaled(s)
-    scaled = widened(similar.physics(physics, sized), placement.scale_sigma)
+    scaled = similar.widened(similar.physics(physics, sized), placement.scale_sigma)
     mass = sum(link.mass_kg for link in scaled.links.values())
     pieces = sum(len(link.hulls) for link in collision.links.values())
     ctx.metric("mass", mass, "kg")
@@ -88,24 +85,6 @@ def _intervals(physics: Physics, pose: Pose, scale_sigma: float | None) -> str:
     parts.append(f"position ± {1000 * float(spread[:2].max()):.1f} mm")
     parts.append(f"yaw ± {turn:.1f} deg" if turn < 90.0 else "yaw unknown")
     return "90 %: " + ", ".join(parts)
-
-
-def widened(physics: Physics, scale_sigma: float | None) -> Physics:
-    """Mass properties whose intervals include the uncertainty of the scale; weighed masses are unchanged."""
-    if physics.weighed:
-        return physics
-    more = 3.0 * (UNTOLD_SIGMA if scale_sigma is None else scale_sigma)
-    return physics.model_copy(update={"links": {name: _widened(link, more) for name, link in physics.links.items()}})
-
-
-def _widened(link: Inertial, sigma: float) -> Inertial:
-    if link.mass_low_kg <= 0.0:
-        return link
-    own = math.log(link.mass_high_kg / link.mass_low_kg) / (2.0 * Z90)
-    factor = math.exp(Z90 * (math.hypot(own, sigma) - own))
-    return link.model_copy(
-        update={"mass_low_kg": link.mass_low_kg / factor, "mass_high_kg": link.mass_high_kg * factor}
-    )
 
 
 def _moved(pose: Pose, factor: float) -> Pose:

@@ -190,6 +190,19 @@ def test_a_carton_weighs_what_cartons_of_its_size_do_and_a_block_is_wood(runner)
     assert weighed.mass_low_kg > 0.38
 
 
+def test_the_surer_it_is_that_a_box_is_a_carton_the_narrower_its_mass(runner):
+    """Books, telephones and sponges are boxes, too. Of mugs, the proposed material says little."""
+    carton = object_views.body(object_views.mesh(solids.box((0.20, 0.14, 0.05), (0.0, 0.0, 0.025))))
+    sure, unsure = (
+        weigh(runner, carton, "cardboard", category="box", material_confidence=p).links["base"] for p in (0.9, 0.5)
+    )
+    assert sure.mass_high_kg / sure.mass_low_kg < 0.8 * unsure.mass_high_kg / unsure.mass_low_kg
+    told = [household.Told("mug", "ceramic", p) for p in (0.9, 0.5, 1.0)]
+    sides, unknown = np.array([0.12, 0.09, 0.08]), (0.1, 0.4, 1.0)
+    likely, less, certain = (household.mass_of(sides, one, unknown) for one in told)
+    assert likely == less != certain
+
+
 def test_a_thing_with_a_word_weighs_what_such_things_do(runner):
     """A can of soup of 349 g, 101 x 66 mm."""
     rings = np.stack([solids.ring(0.033, 0.033, 2.0, z, 48) for z in (0.0, 0.101)])
@@ -287,6 +300,32 @@ def test_the_less_certain_the_volume_the_wider_the_mass(runner, proposed):
     assert widths[2] > 1.1 * widths[1]
     assert width(0.0, 0.5, volume_sigma=0.6) == pytest.approx(widths[2])
     assert width(0.6, 0.5, volume_sigma=0.1) == pytest.approx(widths[2], rel=0.03)
+
+
+@pytest.mark.parametrize("weighed", [{}, {"mass_kg": 0.5}])
+def test_what_is_told_is_the_body_as_it_ends_in_the_twin(runner, weighed):
+    """A block placed at half its size in a world whose unit is 0.4 m: what is said is said of the asset, too."""
+    body, square = object_views.body(BOX), np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    placement = Placement(
+        pose=Pose(parent="world", child="object", matrix=np.eye(4)), scale=0.5, scale_sigma=0.2, method="guess"
+    )
+    camera = Pose(parent="world", child="camera", matrix=np.eye(4))
+    world = Support(camera_pose=camera, polygon=square, scale="size", factor=0.4)
+    found = weigh(runner, body, "wood", world=(placement, world), **weighed)
+    told, line = runner.outcome.metrics, runner.outcome.line
+    traits = object_views.view(BOX, np.eye(4)).traits
+    collision = runner.run("factorize.collision", body=body)
+    given = {"placement": placement, "traits": traits, "support": world}
+    asset = runner.run("simulate.asset", body=body, physics=found, collision=collision, **given).physics.links["base"]
+    assert told["mass"] == (pytest.approx(asset.mass_kg), "kg")
+    assert told["volume"] == (pytest.approx(6000.0 * 0.2**3, rel=1e-5), "cm3")
+    ends = [1000 * value for value in (asset.mass_kg, asset.mass_low_kg, asset.mass_high_kg)]
+    assert line.startswith("{:.0f} g ({:.0f} g to {:.0f} g), ".format(*ends))
+    unknown = world.model_copy(update={"scale": "unknown", "factor": 1.0})
+    weigh(runner, body, "wood", world=(placement, unknown), **weighed)
+    assert ("mass" in runner.outcome.metrics) == bool(weighed)
+    assert "volume" not in runner.outcome.metrics
+    assert runner.outcome.line.startswith("500 g" if weighed else "mass and volume not known, since the scale is not")
 
 
 def told(runner, body, estimate, proposed="cardboard", category="box", **options) -> Physics:

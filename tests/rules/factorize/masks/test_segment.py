@@ -135,7 +135,7 @@ def test_the_view_is_a_crop_that_knows_its_camera(runner):
         assert np.array_equal(measured.depth.depth, scene.capture.measured.depth.depth[box])
         assert (view.camera.width, view.camera.height) == (width, height)
         assert not (view.occluder & view.mask).any()
-    behind, before = (found.items[name].view for name in ("red_box", "blue_cylinder"))
+    behind, before = (found.items[name].view for name in ("red_box", "blue_can"))
     assert behind.occluder.sum() > 300, "the cylinder hides the box"
     assert before.occluder.sum() < 30, "nothing hides the cylinder"
 
