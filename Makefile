@@ -16,7 +16,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 unexport PYTHONDONTWRITEBYTECODE
 # Environments of programs of other projects that slow tests use: loaders of data sets, a policy's client, MediaPipe, nodes of ROS 2;
 # .ci/readers lists what is in each.
-READERS := lerobot-0.3 lerobot-0.4 robomimic rlds openpi mediapipe ros rosbridge zenoh rerun
+READERS := lerobot-0.3 lerobot-0.4 robomimic rlds openpi mediapipe ros rosbridge zenoh rerun geometry
 # More arguments for pytest: make test ARGS='-k recipe -x'
 ARGS ?=
 
