@@ -1,7 +1,7 @@
 """Opens a data set with LeRobot's own loader, in a process of its own: `lerobot_reader.py FOLDER OUT.npz`.
 
-LeRobot pins another torch. Its loader runs on one without CUDA all the same once torchvision finds the two operators that
-its CUDA build would bring.
+LeRobot pins another torch. Its loader runs on one without CUDA all the same once torchvision finds the two operators
+that its CUDA build would bring.
 """
 
 from __future__ import annotations
