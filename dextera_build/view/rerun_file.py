@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -19,6 +19,10 @@ TIME = "time"
 """Name of the timeline, in seconds from the start."""
 QUALITY = 92
 """Of JPEG."""
+ABOVE_M = 0.15
+"""Height of Rerun's first view above the viewer's, where a camera's own picture would hide the scene [m]."""
+Begin: TypeAlias = tuple[Sequence[float], Sequence[float]]
+"""Place from which the viewer looks, and a place at which it looks, (3,) each in the world [m]."""
 _TINY_M = 1e-4
 _AXES = np.array([[255, 60, 60], [60, 200, 60], [60, 90, 255]], np.uint8)
 
@@ -53,7 +57,7 @@ def check() -> None:
         ) from None
 
 
-def write(data: bytes, path: Path, name: str, eyes: Sequence[Eye] = ()) -> list[str]:
+def write(data: bytes, path: Path, name: str, begin: Begin, eyes: Sequence[Eye] = ()) -> list[str]:
     """Write `path`, and return what it lacks: kinds of nodes that are not written.
 
     Frames are those of the viewer: z up, metres. Cameras are `/cameras/NAME`.
@@ -62,6 +66,7 @@ def write(data: bytes, path: Path, name: str, eyes: Sequence[Eye] = ()) -> list[
         data: A recording of viser.
         path: The file.
         name: What is shown, `task/close_laptop:episodes`.
+        begin: Where the viewer opens.
         eyes: Cameras with pictures.
     """
     import rerun as rr
@@ -69,10 +74,12 @@ def write(data: bytes, path: Path, name: str, eyes: Sequence[Eye] = ()) -> list[
     out = rr.RecordingStream(re.sub(r"[^\w.-]+", "-", name), recording_id=name)
     out.disable_timeline("log_time")
     out.disable_timeline("log_tick")
-    out.save(path)
+    nodes = recorded.nodes(data)
+    moves = any(len(node.poses) > 1 for node in nodes.values()) or any(eye.rate_hz for eye in eyes)
+    out.save(path, default_blueprint=_layout(begin, eyes, moves=moves))
     out.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     lacks = set()
-    for address, node in recorded.nodes(data).items():
+    for address, node in nodes.items():
         entity = [part for part in address.split("/") if part]
         shape = _shape(rr, node)
         if shape is None:
@@ -86,6 +93,18 @@ def write(data: bytes, path: Path, name: str, eyes: Sequence[Eye] = ()) -> list[
     out.flush()
     out.disconnect()
     return sorted(lacks)
+
+
+def _layout(begin: Begin, eyes: Sequence[Eye], *, moves: bool) -> Any:
+    """The views that Rerun opens: the scene, from where the viewer opens, and a picture per camera."""
+    import rerun.blueprint as rrb
+
+    position, target = np.array(begin, np.float64) + np.array([0.0, 0.0, ABOVE_M])
+    controls = rrb.EyeControls3D(position=position, look_target=target, eye_up=(0.0, 0.0, 1.0))
+    views = [rrb.Spatial3DView(origin="/", name="scene", eye_controls=controls, line_grid=False)]
+    views += [rrb.Spatial2DView(origin=f"/cameras/{eye.name}", name=eye.name) for eye in eyes]
+    time = rrb.TimePanel(timeline=TIME) if moves else rrb.TimePanel(state="hidden")
+    return rrb.Blueprint(rrb.Horizontal(*views), time, collapse_panels=True)
 
 
 def _move(rr: Any, out: Any, entity: list[str], node: recorded.Node) -> None:

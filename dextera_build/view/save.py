@@ -50,10 +50,15 @@ def write(server: Any, path: Path, steps: Iterable[float] = (), name: str = "", 
         draft.write_text(page(server, steps), encoding="utf-8")
     elif path.suffix == ".viser":
         draft.write_bytes(_recorded(server, steps)[0].serialize())
-    elif lacks := rerun_file.write(_recorded(server, steps)[0].serialize(), draft, name, eyes):
+    elif lacks := _for_rerun(server, draft, steps, name, eyes):
         notices[f"`{path.name}` lacks what Rerun's files of dxb do not hold: {', '.join(lacks)}"] = None
     draft.replace(path)
     return path
+
+
+def _for_rerun(server: Any, path: Path, steps: Iterable[float], name: str, eyes: Sequence[Eye]) -> list[str]:
+    begin = server.initial_camera.position, server.initial_camera.look_at
+    return rerun_file.write(_recorded(server, steps)[0].serialize(), path, name, begin, eyes)
 
 
 def page(server: Any, steps: Iterable[float] = ()) -> str:
