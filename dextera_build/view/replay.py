@@ -135,3 +135,8 @@ def titles(episodes: Episodes) -> dict[str, Episode]:
         f"{index} · {'success' if episode.success else f'failed: {episode.reason}'}": episode
         for index, episode in [*episodes.in_order(), *failed]
     }
+
+
+def is_asked(index: str, asked: str) -> bool:
+    """Whether `asked` names the episode `index`; `17` names `00017`."""
+    return index == asked or (index.isdecimal() and asked.isdecimal() and int(index) == int(asked))

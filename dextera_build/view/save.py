@@ -1,15 +1,17 @@
-"""One file to share: the scene, and the episode that is shown, as viser's recording or as a page that plays it."""
+"""One file to share: the scene, and the episode that is shown, as a page, as a recording of viser, or for Rerun."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from dextera_build.errors import UsageError
-from dextera_build.view import panel
+from dextera_build.session import notices
+from dextera_build.view import panel, rerun_file
+from dextera_build.view.rerun_file import Eye
 
-SUFFIXES = (".html", ".viser")
+SUFFIXES = (".html", ".rrd", ".viser")
 """`.html` is the recording with viser's player in it, and needs nothing but a browser."""
 
 
@@ -18,31 +20,45 @@ def check(path: Path) -> None:
 
     Raises:
         UsageError: The name ends in none of `SUFFIXES`.
+        MachineError: It is for Rerun, which is not installed.
     """
     if path.suffix not in SUFFIXES:
         raise UsageError(
             f"`{path.name}` is not a file that the viewer writes",
             code="DXB-U323",
             facts={"endings": ", ".join(SUFFIXES)},
-            hint="`.html` opens in any browser, offline; `.viser` is the recording alone, for viser's player",
+            hint="`.html` opens in any browser, offline; `.rrd` in Rerun; `.viser` is for viser's player",
         )
+    if path.suffix == ".rrd":
+        rerun_file.check()
 
 
-def write(server: Any, path: Path, steps: Iterable[float] = ()) -> Path:
+def write(server: Any, path: Path, steps: Iterable[float] = (), name: str = "", eyes: Sequence[Eye] = ()) -> Path:
     """Write the server's scene to `path` and return it.
 
     Args:
         server: From `view.server.start`.
         path: A file with one of `SUFFIXES`.
         steps: See `page`.
+        name: What is shown; only `.rrd` holds it, and `eyes`.
+        eyes: Cameras with pictures.
     """
     check(path)
-    data = page(server, steps).encode() if path.suffix == ".html" else _recorded(server, steps)[0].serialize()
     path.parent.mkdir(parents=True, exist_ok=True)
     draft = path.with_name(f".{path.name}.part")
-    draft.write_bytes(data)
+    if path.suffix == ".html":
+        draft.write_text(page(server, steps), encoding="utf-8")
+    elif path.suffix == ".viser":
+        draft.write_bytes(_recorded(server, steps)[0].serialize())
+    elif lacks := _for_rerun(server, draft, steps, name, eyes):
+        notices[f"`{path.name}` lacks what Rerun's files of dxb do not hold: {', '.join(lacks)}"] = None
     draft.replace(path)
     return path
+
+
+def _for_rerun(server: Any, path: Path, steps: Iterable[float], name: str, eyes: Sequence[Eye]) -> list[str]:
+    begin = server.initial_camera.position, server.initial_camera.look_at
+    return rerun_file.write(_recorded(server, steps)[0].serialize(), path, name, begin, eyes)
 
 
 def page(server: Any, steps: Iterable[float] = ()) -> str:

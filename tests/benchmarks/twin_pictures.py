@@ -3,9 +3,9 @@
     python -m tests.benchmarks.twin_pictures OUT.jpg NAME...
 
 A row per photograph of the folder of captures, built by `twin/tabletop` without options: the photograph, the twin from
-its camera, and from that camera turned by 60 deg to the left and to the right about the middle of the objects. Prints a
-table of what each twin holds. The captures lie outside the project; some may not be redistributed, so their pictures
-may not either.
+its camera, and from that camera turned by 60 deg to the left and to the right about the middle of the objects; of one
+photograph alone two rows. Prints a table of what each twin holds. The captures lie outside the project; some may not be
+redistributed, so their pictures may not either.
 """
 
 from __future__ import annotations
@@ -35,6 +35,11 @@ def row(scene: Scene, photograph: np.ndarray) -> np.ndarray:
     views = list(around(scene, np.radians(TURNS_DEG), WIDTH_PX))
     height = len(views[0])
     return np.hstack([cv2.resize(photograph, (WIDTH_PX, height), interpolation=cv2.INTER_AREA), *views])
+
+
+def stacked(rows: list[np.ndarray]) -> np.ndarray:
+    """The rows below one another; one alone is folded in the middle."""
+    return np.vstack(rows if len(rows) > 1 else np.hsplit(rows[0], 2))
 
 
 def around(scene: Scene, turns: np.ndarray, width_px: int) -> Iterator[np.ndarray]:
@@ -75,7 +80,7 @@ def main() -> None:
             print(f"| {capture.name} | {count} | {len(scene.bodies)} | {resting} | {held} |")
             photograph = cv2.cvtColor(cv2.imread(str(capture / "rgb.png")), cv2.COLOR_BGR2RGB)
             rows.append(row(scene, photograph))
-    cv2.imwrite(str(options.out), cv2.cvtColor(np.vstack(rows), cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 88])
+    cv2.imwrite(str(options.out), cv2.cvtColor(stacked(rows), cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 88])
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 from PIL import Image
 
 from tests import factories, tabletops
+from tests.e2e.recordings import saved
 from tests.e2e.space import Space
 
 RECIPE = "extends: twin/tabletop\ninputs: {capture: shot}\ntargets: {default: [scene]}\n"
@@ -60,6 +62,18 @@ def test_after_a_build_the_scene_is_shown_and_marked(made: Space) -> None:
     assert made.dxb("report", "table", "--against", "0001", "-o", "beside.html").code == 0
     assert "Beside run 0001" in (made.root / "beside.html").read_text()
     assert "`table:scene` was made with stub backends: " in made.dxb("get", "table:scene", "-o", "got").err
+
+
+@pytest.mark.slow
+def test_rerun_reads_the_twin_with_its_photograph(made: Space, tmp_path: Path) -> None:
+    found = saved(made, "table", tmp_path)
+    packed = found["/cameras/photograph/picture EncodedImage:blob"][0][0]
+    seen = np.asarray(Image.open(io.BytesIO(bytes(packed))), float)
+    assert np.abs(seen - np.asarray(Image.open(made.root / "shot/rgb.png"))).mean() < 4
+    assert found["/cameras/photograph Pinhole:resolution"][0][0] == [tabletops.FINE.width, tabletops.FINE.height]
+    assert any(name.startswith("/body\\[") and name.endswith("Mesh3D:vertex_positions") for name in found)
+    assert "/background/surface Mesh3D:vertex_positions" in found
+    assert not any("/piece_" in name for name in found)  # hidden in the viewer
 
 
 @pytest.mark.slow

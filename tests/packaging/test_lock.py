@@ -40,5 +40,5 @@ def test_torch_is_the_version_that_make_installs_first():
 
 def test_all_brings_every_other_extra():
     (everything,) = EXTRAS["all"]
-    # robosuite pins packages that `learn` needs in other versions.
-    assert Requirement(everything).extras == set(EXTRAS) - {"all", "repair", "robots"}
+    # robosuite pins packages that `learn` needs in other versions; Rerun takes 0.7 GB for one kind of file.
+    assert Requirement(everything).extras == set(EXTRAS) - {"all", "repair", "rerun", "robots"}

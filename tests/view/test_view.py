@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import sys
 import time
 import urllib.request
 from collections.abc import Iterator
@@ -17,7 +18,7 @@ from dextera_build.artifacts.base import Collection, File
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.artifacts.spatial.point_cloud import PointCloud
-from dextera_build.errors import UsageError
+from dextera_build.errors import MachineError, UsageError
 from dextera_build.geometry import kinematics, quaternions
 from dextera_build.view import framing, invented, save, scene, server
 from dextera_build.view.replay import ReplayView
@@ -316,7 +317,13 @@ def test_the_real_server_answers_and_saves(
         assert b"<html" in page.read().lower()
     assert save.write(running, tmp_path / "out" / "scene.viser").stat().st_size > empty + 1000
     with pytest.raises(UsageError, match="not a file that the viewer writes"):
-        save.write(running, tmp_path / "scene.rrd")
+        save.write(running, tmp_path / "scene.usd")
+
+
+def test_without_rerun_a_file_for_it_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    with pytest.raises(MachineError, match="rerun-sdk, which is not installed"):
+        save.check(Path("scene.rrd"))
 
 
 def test_physics_is_played_and_an_episode_is_recorded(started: tuple[Any, str], tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 import webbrowser
 from collections.abc import Mapping
 from contextlib import suppress
@@ -54,12 +55,21 @@ def run(args: argparse.Namespace) -> int:
     against = runs.find(project, args.against)[1] if args.against else None
     with table.writing(out, hint=None if args.out else f"dxb report {recipe} -o report.html"):
         view = placed(_page(Session(project, recipe, options.added(args), last=True), start["run"]), out)
-        path = build(events, reading(project), out, licences=licences, expected=expected, view=view, against=against)
+        told = _told if sys.stderr.isatty() else None
+        path = build(
+            events, reading(project), out, licences=licences, expected=expected, view=view, against=against, told=told
+        )
+    if told is not None:
+        print("\r\x1b[K", end="", file=sys.stderr)
     written = {"report": project.shown(path), "view": project.shown(out.with_name(view.link)) if view.link else None}
     table.say("report", written, project.shown(path), as_json=args.json)
     if args.open or (os.environ.get("DISPLAY") and os.isatty(1) and args.out is None):
         webbrowser.open(path.absolute().as_uri())
     return 0
+
+
+def _told(done: int, count: int) -> None:
+    print(f"\r{done:,} of {count:,} pictures\x1b[K", end="", file=sys.stderr, flush=True)
 
 
 def _page(session: Session, run: str) -> str:

@@ -106,13 +106,13 @@ def _task(session: Session, node: str, bundle: TaskBundle) -> Fill:
 
 
 def _episodes(session: Session, node: str, artifact: Episodes | Trials, episode: str | None) -> Fill:
-    from dextera_build.view.replay import ReplayView, titles
+    from dextera_build.view.replay import ReplayView, is_asked, titles
 
     episodes = artifact.examples if isinstance(artifact, Trials) else artifact
     bundle = _world(session, node, artifact)
     materials = _materials(session, node)
     known = titles(episodes)
-    chosen = next((title for title in known if episode is None or _is(title.partition(" ")[0], episode)), None)
+    chosen = next((title for title in known if episode is None or is_asked(title.partition(" ")[0], episode)), None)
     if chosen is None:
         raise UsageError(
             f"`{session.recipe}:{node}` has no episode `{episode}`" if known else f"`{node}` holds no episode",
@@ -254,8 +254,3 @@ def _mending(session: Session, nodes: dict[str, list[str]], photograph: Photogra
         fill(viewer)
 
     return Mending(session, photograph, objects, show)
-
-
-def _is(index: str, asked: str) -> bool:
-    """Whether `asked` names the episode `index`; `17` names `00017`."""
-    return index == asked or (index.isdecimal() and asked.isdecimal() and int(index) == int(asked))

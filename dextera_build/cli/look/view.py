@@ -32,7 +32,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="also admit pages of this origin: a notebook's proxy or a tunnel, https://hub.example.org",
     )
     parser.add_argument(
-        "--save", metavar="FILE", help="write one file to share and stop: .html for any browser, or .viser"
+        "--save",
+        metavar="FILE",
+        help="write one file to share and stop: .html for any browser, .rrd for Rerun, or .viser",
     )
     parser.add_argument("--episode", metavar="INDEX", help="the episode to begin with")
     parser.add_argument("--no-open", action="store_true", help="do not open the browser")
@@ -71,7 +73,7 @@ def _served(args: argparse.Namespace, session: Session, node: str) -> int:
     if stub:
         viewer.gui.add_markdown(f"**{stub}**")
     if args.save:
-        return _save(args, viewer, steps)
+        return _save(args, session, node, viewer, steps)
     try:
         # Before the address: a program that reads it may stop the viewer at once.
         print("press Ctrl-C to stop", file=sys.stderr)
@@ -86,12 +88,17 @@ def _served(args: argparse.Namespace, session: Session, node: str) -> int:
         server.stop(viewer)
 
 
-def _save(args: argparse.Namespace, viewer: Any, steps: Iterator[float]) -> int:
+def _save(args: argparse.Namespace, session: Session, node: str, viewer: Any, steps: Iterator[float]) -> int:
+    from dextera_build.cli.build.shown import warn
+    from dextera_build.cli.look import eyes
     from dextera_build.view import save, server
 
-    with table.writing(Path(args.save), hint=None):
-        path = save.write(viewer, Path(args.save), steps)
+    path = Path(args.save)
+    seen = eyes.of(session, node, args.episode) if path.suffix == ".rrd" else []
+    with table.writing(path, hint=None):
+        save.write(viewer, path, steps, args.target, seen)
     server.stop(viewer)
+    warn()
     size = path.stat().st_size
     table.say("view.file", {"file": str(path), "bytes": size}, f"{path}  {size / 1e6:.1f} MB", as_json=args.json)
     return 0

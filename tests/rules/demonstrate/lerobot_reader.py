@@ -1,7 +1,7 @@
 """Opens a data set with LeRobot's own loader, in a process of its own: `lerobot_reader.py FOLDER OUT.npz`.
 
-LeRobot pins another torch. Its loader runs on this one all the same once torchvision finds the two operators that its
-CUDA build would bring.
+LeRobot pins another torch. Its loader runs on one without CUDA all the same once torchvision finds the two operators
+that its CUDA build would bring.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 import torch
 
 LIBRARY = torch.library.Library("torchvision", "DEF")
-for name in ("nms", "qnms"):
+for name in ("nms", "qnms") if torch.version.cuda is None else ():
     LIBRARY.define(f"{name}(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
 
 from lerobot.datasets.lerobot_dataset import LeRobotDataset  # noqa: E402

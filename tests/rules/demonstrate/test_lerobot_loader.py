@@ -44,10 +44,12 @@ def folder(made: Episodes, film: Film, tmp_path_factory: pytest.TempPathFactory)
     return root
 
 
-@pytest.fixture(scope="module")
-def found(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
+@pytest.fixture(scope="module", params=["lerobot-0.4", "lerobot-0.6"])
+def found(
+    folder: Path, tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest
+) -> dict[str, np.ndarray]:
     """What `lerobot_reader.py` saw of the data set."""
-    return readers.read("lerobot-0.4", "lerobot_reader.py", folder, tmp_path_factory.mktemp("items") / "items.npz")
+    return readers.read(request.param, "lerobot_reader.py", folder, tmp_path_factory.mktemp("items") / "items.npz")
 
 
 def test_lerobot_reads_what_was_recorded(found: dict[str, np.ndarray], made: Episodes, film: Film) -> None:

@@ -24,10 +24,20 @@ class Shown(NamedTuple):
     """The page that describes it."""
     arguments: str = ""
     """Further arguments of the command, as the page has them."""
+    credit: str = ""
+    """Source and licence of a photograph that is not the project's."""
 
 
 SHOWN = (
     Shown("twin/laptop_scene", "laptop_scene.jpg", "A photograph, its masks, and the twin", "quickstart.md"),
+    Shown(
+        "twin/tabletop",
+        "real_twin.jpg",
+        "A real photograph, and its twin from three sides",
+        "quickstart.md",
+        "--input capture=../capture",
+        credit="NVlabs/6dof-graspnet, MIT",
+    ),
     Shown("task/close_laptop", "close_laptop.jpg", "A rollout in the twin and in the reference world", "tasks.md"),
     Shown("benchmark/tasks", "tasks.jpg", "Eighteen tasks, performed by the scripted operator", "tasks.md"),
     Shown(
@@ -95,7 +105,7 @@ def _item(shown: Shown) -> str:
     parts = (
         f"[![{shown.seen}](images/{shown.picture})]({shown.page})",
         f"**[{shown.seen}]({shown.page})**",
-        f"{told}",
+        f"{told} Photograph: {shown.credit}." if shown.credit else f"{told}",
         f"```console\n$ {command(shown)}\n```",
     )
     text = "\n\n".join(parts).replace("\n", "\n  ")
