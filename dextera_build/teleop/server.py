@@ -49,17 +49,19 @@ class Allowance:
     def __init__(self) -> None:
         self._left, self._last = BURST, time.perf_counter()
         self.excess = 0
-        """Messages beyond the rate in a row."""
+        """Messages beyond the rate since the bucket was last full."""
 
     def spend(self, now: float) -> bool:
         """Whether a message at a time [s] is within the rate."""
         self._left = min(BURST, self._left + (now - self._last) * MOST_HZ)
         self._last = now
+        if self._left >= BURST:
+            # Single messages are within the rate in any flood, so they do not end one; a pause does.
+            self.excess = 0
         if self._left < 1:
             self.excess += 1
             return False
         self._left -= 1
-        self.excess = 0
         return True
 
 
