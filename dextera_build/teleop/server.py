@@ -152,7 +152,7 @@ class Server:
             self._tell(f"refused: {refused}")
             return _answer(http.HTTPStatus.FORBIDDEN, b"dxb teleop does not serve this page\n")
         _, token, *rest = (*urlsplit(request.path).path.split("/"), "")[:4]
-        if not secrets.compare_digest(token.encode(), self.token.encode()):
+        if not secrets.compare_digest(token.encode(errors="surrogateescape"), self.token.encode()):
             self._tell("refused: an address without this session's token")
             return _answer(http.HTTPStatus.NOT_FOUND, b"open the address that dxb teleop printed\n")
         name = rest[0] or "index.html"

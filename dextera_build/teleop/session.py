@@ -6,7 +6,7 @@ import shutil
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -191,9 +191,10 @@ class Session(threading.Thread):
         self._told = "hold both hands open"
 
     def _do_recentre(self) -> None:
-        head = None if self._last is None else self._last.head
-        if head is not None and np.isfinite(head).all():
+        if self._last is not None and np.isfinite(head := self._last.head).all():
             self.heading_rad += heading(quaternions.to_matrix(head[3:].astype(np.float64)))
+            # This head was turned by the old angle: a second wish needs a message that is turned by the new one.
+            self._last = replace(self._last, head=np.full(7, np.nan, np.float32))
 
     def _do_start(self) -> None:
         self._told = self._hindrance()

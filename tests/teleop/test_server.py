@@ -84,6 +84,17 @@ async def status(address: str, **options: Any) -> int:
     return caught.value.response.status_code
 
 
+async def answered(address: str, path: bytes) -> bytes:
+    """The answer to a request for a path that no client would ask for."""
+    host, _, port = address.split("/")[2].partition(":")
+    reader, writer = await asyncio.open_connection(host, int(port))
+    rest = "Upgrade: websocket\r\nSec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    writer.write(b"GET " + path + f" HTTP/1.1\r\nHost: {host}:{port}\r\nConnection: Upgrade\r\n{rest}".encode())
+    found = await reader.read(200)
+    writer.close()
+    return found
+
+
 async def settled(until: Callable[[], bool]) -> None:
     for _ in range(200):
         if until():
@@ -106,6 +117,7 @@ def test_files_need_the_token_and_the_origin():
         assert await status(root + "/") == 404
         assert await status(root + "/wrong/") == 404
         assert await status(root + "/wrong/socket") == 404
+        assert (await answered(address, b"/\xff\xfe/")).startswith(b"HTTP/1.1 404 ")
         assert await status(address) == 200
         assert await status(address + "twin") == 200
         assert await status(address + "main.js") == 200
@@ -211,6 +223,7 @@ def test_bad_frames_are_refused_and_the_session_goes_on():
                 (pages.joints(np.full((2, 25, 7), np.nan)), "not finite"),
                 (pages.joints(np.zeros((2, 21, 7)), count=21), "21 joints instead of 25"),
                 ("[]", "a command is a JSON object"),
+                (3000 * "[", "a command is a JSON object"),
                 ('{"do": "destroy"}', "a command is `do`"),
             ):
                 await page.send(data)

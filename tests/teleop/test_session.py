@@ -179,6 +179,17 @@ def test_a_guard_that_stops_the_robot_ends_the_take_with_its_reason(
     assert not live.takes.kept
 
 
+def test_a_second_wish_for_one_and_the_same_heading_changes_nothing(live: Live) -> None:
+    for number, angle in ((1, 40.0), (2, 0.0)):
+        live.say(pages.wrists(0.0, number, protocol.WEBXR, np.deg2rad(angle)))
+        live.until("measured", [1, 1])
+        time.sleep(0.2)
+        for _ in range(2):
+            live.session.wish("recentre")
+            time.sleep(0.2)
+        assert np.rad2deg(live.states[-1]["heading"]) == pytest.approx(-40.0)
+
+
 def test_hands_that_are_not_measured_start_nothing(live: Live) -> None:
     live.say(pages.joints(pages.opened()))
     live.session.wish("start")
