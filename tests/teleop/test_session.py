@@ -214,6 +214,16 @@ def test_keys_move_the_robot_and_a_silent_connection_holds_and_then_stops(live: 
     assert not live.takes.kept
 
 
+def test_frames_that_are_all_refused_are_a_silent_connection(live: Live) -> None:
+    begin(live)
+    for _ in range(400):
+        live.say(b"no frame of hands")
+        if live.states[-1]["phase"] == "ready":
+            break
+        time.sleep(0.015)
+    assert live.until("phase", "ready", 1.0)["told"] == "the connection was silent for 2 s, so the take was stopped"
+
+
 def test_discard_ends_a_take_and_finish_waits_for_the_robot_to_rest(live: Live) -> None:
     unfinished = "the task was not done when the operator finished: the object is too low"
     for what, told in (("discard", "discarded"), ("finish", unfinished)):

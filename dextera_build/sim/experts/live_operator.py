@@ -59,16 +59,21 @@ class Inbox:
     def __init__(self) -> None:
         self._changed = threading.Condition()
         self._message: Callable[[], Message] | None = None
+        self._came = self._heard = -np.inf
+        self._refused = False
         self.dropped = 0
         """Messages that a newer one replaced."""
         self.arrived = -np.inf
-        """When the newest message came, by `time.perf_counter` [s]."""
+        """When the newest message came that was not refused, by `time.perf_counter` [s]. One that was not read yet
+        counts, unless the last one was refused."""
 
     def put(self, message: Callable[[], Message]) -> None:
         """Leave what reads a message, and may raise `Refused`, from any thread."""
         with self._changed:
             self.dropped += self._message is not None
-            self._message, self.arrived = message, time.perf_counter()
+            self._message, self._came = message, time.perf_counter()
+            if not self._refused:
+                self.arrived = self._came
             self._changed.notify()
 
     def wake(self) -> None:
@@ -82,10 +87,18 @@ class Inbox:
             if self._message is None and timeout_s > 0:
                 self._changed.wait(timeout_s)
             found, self._message = self._message, None
-        try:
-            return None if found is None else found()
-        except Refused:
+            came = self._came
+        if found is None:
             return None
+        try:
+            message = found()
+        except Refused:
+            message = None
+        with self._changed:
+            self._refused = message is None
+            self._heard = self._heard if message is None else came
+            self.arrived = self._heard if message is None else self._came
+        return message
 
 
 class Ended(Exception):  # noqa: N818  a wish of the operator or a lost connection, not a fault
