@@ -20,6 +20,8 @@ BASE = "base"
 """Frame of streams whose poses are in the robot's base."""
 BENT_M = 0.015
 """Mean bend of the fingers from which on a message tells a left hand from a right one [m]; see `hands.curl`."""
+STRETCH = 2.0
+"""How much longer than the last one the time between two messages may seem to the filter of the fingers."""
 DOUBT = 0.8
 """Share of such messages that must say that a hand is mirrored."""
 
@@ -115,7 +117,7 @@ class Follower:
         self._hand, self._palm = Fingers(own, lengths_m, options), Palm(palm, options)
         self.fingers = own.straight
         """Positions (H,) of the hand's motors at the last message [rad]."""
-        self._since: float | None = None
+        self._stamp, self._period = np.nan, np.inf
 
     @property
     def scale(self) -> float:
@@ -134,16 +136,28 @@ class Follower:
             tracked: Whether the hand is seen.
             clutch: Whether it moves the robot.
         """
-        wrist = None
+        wrist, seconds = None, self._seconds(stamp)
         if tracked:
             points = points.astype(np.float64)
-            self.fingers = self._hand.next(points, stamp - (stamp if self._since is None else self._since))
-            self._since = stamp
+            self.fingers = self._hand.next(points, seconds)
             if clutch:
                 wrist = transforms.rigid(
                     quaternions.to_matrix(turn.astype(np.float64)), self._hand.beside.origin(points)
                 )
         return self._palm.next(wrist)
+
+    def _seconds(self, stamp: float) -> float:
+        """Time [s] since the last message, which has perhaps lost the hand, for the filter of the fingers.
+
+        The filter passes at once what comes after a long time. Fingers that bent while nobody saw them would jump, so
+        at most twice the last such time counts.
+        """
+        if np.isnan(self._stamp):
+            self._stamp = stamp
+            return 0.0
+        gap, self._stamp = stamp - self._stamp, stamp
+        self._period = min(gap, STRETCH * self._period)
+        return self._period
 
 
 def follow(own: Matched, stream: HandStream, palm: np.ndarray, options: Retargeting) -> Targets:
