@@ -94,7 +94,7 @@ def test_fingers_that_bent_while_they_were_lost_or_unheard_are_followed_smoothly
 ) -> None:
     """As fast as after a posture that changes between two messages; the filter forgets nothing meanwhile."""
     sudden, unseen, unheard = (largest_step(leap, rate_hz, what) for what in ("seen", "lost", "silent"))
-    assert unseen == pytest.approx(sudden, abs=1e-3)  # the solver stops at 1e-4 rad
+    assert unseen == pytest.approx(sudden, rel=0.01)  # the solver begins elsewhere, and stops near its minimum
     assert sudden < unheard < 2 * sudden
 
 
