@@ -205,11 +205,12 @@ class Session(threading.Thread):
         """Why no take can begin now, or ""."""
         if len(self.takes.kept) >= self.plan.takes:
             return f"all {self.plan.takes} takes are recorded: end the session, or drop the last take"
-        must = needed(self.environment)
-        sides = [own.side for limb, own in self.own.items() if limb in must or len(self.own) == 1]
-        missing = [side for side in sides if not self.measure.done(side)]
+        must, sides = needed(self.environment), {limb: own.side for limb, own in self.own.items()}
+        missing = " and the ".join(side for limb, side in sides.items() if limb in must and not self.measure.done(side))
+        if not any(self.measure.done(side) for side in sides.values()):
+            missing = missing or " or the ".join(sides.values())
         if missing:
-            return f"hold the {' and the '.join(missing)} hand open for {self.measure.SECONDS:g} s first"
+            return f"hold the {missing} hand open for {self.measure.SECONDS:g} s first"
         if shutil.disk_usage(self.takes.path.parent).free < FREE_BYTES:
             return f"the disk of {self.takes.path.parent} is full: free {FREE_BYTES // 1_000_000} MB first"
         return ""

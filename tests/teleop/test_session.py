@@ -35,11 +35,13 @@ pytestmark = pytest.mark.slow
 class Live:
     """A session whose states are kept, and an operator's means to reach it."""
 
-    def __init__(self, bundle: TaskBundle, path: Path, *starts: int, limits: Limits | None = None) -> None:
+    def __init__(
+        self, bundle: TaskBundle, path: Path, *starts: int, limits: Limits | None = None, limit_s: float = 30.0
+    ) -> None:
         self.states: list[dict[str, Any]] = []
         limits = limits or Limits()
         self.takes = Takes(path, synthetic=True, workplace=workplace.of(bundle, limits))
-        plan = Plan(1, 0, starts, 30.0, SPEED, Retargeting(heading_rad=0.0), limits)
+        plan = Plan(1, 0, starts, limit_s, SPEED, Retargeting(heading_rad=0.0), limits)
         self.session = Session(bundle, plan, self.takes, self.publish)
         self.session.start()
 

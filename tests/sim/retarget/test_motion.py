@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.robots.hand_stream import LOST, TRACKED, HandStream
+from dextera_build.artifacts.robots.hand_stream import LOST, TRACKED, HandStream, Take
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.errors import RuleError
 from dextera_build.geometry import hands, human_hand, lie, quaternions, transforms
@@ -212,6 +212,13 @@ def test_a_hand_that_is_never_seen_is_refused(leap: RobotModel) -> None:
     assert caught.value.code == "DXB-B525"
     assert caught.value.facts == {"messages": "20"}
     assert "`hands: {arm: {side: ...}}`" in caught.value.hint
+
+
+def test_lengths_that_are_no_numbers_are_refused(leap: RobotModel) -> None:
+    made = stream(20, takes=(Take(first=0, last=20, finger_lengths_m=(None, (0.05, np.nan, 0.09, 0.08, 0.07))),))
+    with pytest.raises(RuleError, match="the lengths of the fingers of the operator's right hand are not") as caught:
+        retarget(leap, made)
+    assert caught.value.code == "DXB-B539"
 
 
 @pytest.mark.parametrize("side", hands.SIDES)
