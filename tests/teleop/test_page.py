@@ -57,6 +57,27 @@ def test_keys_move_the_robot_and_the_page_shows_it(lifting: TaskBundle, tmp_path
     opened(lifting, tmp_path, "", (), use)
 
 
+def test_a_hand_that_keys_moved_before_the_take_does_not_pull_the_robot(lifting: TaskBundle, tmp_path: Path):
+    async def use(page: Page, session: Session) -> None:
+        await page.run(NO_PICTURES)
+        await page.run("document.getElementById('view').focus()")
+        home = await page.run("session.keys.pivot[1].z")
+        # As far as keys move it in a third of a second, and not so far that the robot takes it for a jump.
+        await page.run("(session.keys.pivot[1].z += 0.04, 0)")
+        await asyncio.sleep(0.5)
+        before = session.environment.palm_poses()[0, :3].copy()
+        await page.key("Enter")
+        await page.until("session.facts.seconds > 0.5 ? 1 : 0")
+        assert session._live is not None
+        assert np.linalg.norm(session._live.aims["arm"].palm[:3, 3] - before) < 1e-3
+        assert np.linalg.norm(session.environment.palm_poses()[0, :3] - before) < 0.01
+        await page.key("Backspace")
+        await page.until("session.facts.told === 'discarded' ? 1 : 0")
+        await page.until(f"Math.abs(session.keys.pivot[1].z - {home}) < 1e-6 ? 1 : 0")
+
+    opened(lifting, tmp_path, "", (), use)
+
+
 def test_a_page_beside_another_operator_says_so(lifting: TaskBundle, tmp_path: Path):
     async def use(page: Page, session: Session) -> None:
         await page.run(NO_PICTURES)
