@@ -27,6 +27,13 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(shutil.which("chromium") is None, reason="`.ci/system browser` installs Chromium"),
 ]
+REFUSING = """
+Object.defineProperty(navigator, "xr", { value: {
+  isSessionSupported: async () => true,
+  requestSession: async () => { throw new DOMException("another page has it", "InvalidStateError"); },
+} });
+"""
+"""A headset that is in use."""
 TAKES, ATTEMPTS = 10, 2
 """Starts that are demonstrated, and how often at most each; docs/benchmarks/teleoperation.md has those of more."""
 
@@ -76,6 +83,19 @@ def test_a_hand_that_keys_moved_before_the_take_does_not_pull_the_robot(lifting:
         await page.until(f"Math.abs(session.keys.pivot[1].z - {home}) < 1e-6 ? 1 : 0")
 
     opened(lifting, tmp_path, "", (), use)
+
+
+def test_a_headset_that_cannot_be_entered_is_told(lifting: TaskBundle, tmp_path: Path):
+    async def use(page: Page, session: Session) -> None:
+        await page.run(NO_PICTURES)
+        await page.until("document.getElementById('headset').hidden ? 0 : 1")
+        await page.run("document.getElementById('headset').click()")
+        words = "the headset refused: another page has it"
+        await page.until(f"document.getElementById('told').textContent === {json.dumps(words)} ? 1 : 0")
+        assert await page.run("document.getElementById('told').className") == "bad"
+        assert not await page.run("session.headset.active")
+
+    opened(lifting, tmp_path, REFUSING, (), use)
 
 
 def test_a_page_beside_another_operator_says_so(lifting: TaskBundle, tmp_path: Path):

@@ -58,6 +58,10 @@ export class Headset {
   }
 
   async enter() {
+    try { await this.begin(); } catch (error) { this.link.onWord(`the headset refused: ${error.message}`, true); }
+  }
+
+  async begin() {
     const wanted = { requiredFeatures: ["local-floor"], optionalFeatures: ["hand-tracking"] };
     const session = await navigator.xr.requestSession("immersive-vr", wanted);
     this.renderer.xr.enabled = true;
