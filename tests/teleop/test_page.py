@@ -19,6 +19,7 @@ from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.teleop.session import Session
 from dextera_build.testing import RuleRunner
 from tests import hand_tasks
+from tests.hand_streams import stream
 from tests.teleop import headsets, replays
 from tests.teleop.browsing import NO_PICTURES, Headset, opened
 from tests.teleop.chromium import Page
@@ -96,6 +97,34 @@ def test_a_headset_that_cannot_be_entered_is_told(lifting: TaskBundle, tmp_path:
         assert not await page.run("session.headset.active")
 
     opened(lifting, tmp_path, REFUSING, (), use)
+
+
+def test_an_operator_sees_both_hands_where_they_are(
+    runner: RuleRunner, lifting: TaskBundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    script = headsets.script(tmp_path)
+    if script is None:
+        pytest.skip("npm cannot get the emulated headset")
+    hands = stream(20, frame="base", clutch=np.ones((20, 2), bool))
+
+    async def use(page: Page, session: Session) -> None:
+        await page.run(NO_PICTURES)
+        await page.run("session.headset.enter()")
+        for row, heading in ((0, 0.0), (10, 0.0), (10, 0.6)):
+            session.heading_rad = heading
+            still = json.dumps(headsets.still(hands, row))
+            await page.run(f"({headsets.PLAY})({still})")
+            await page.until(
+                f"Math.abs(session.headset.placed - {heading}) < 1e-9 && session.headset.placed !== null ? 1 : 0"
+            )
+            for hand in (0, 1):
+                place = headsets.turned(np.append(hands.positions[row, hand, 0], [1, 0, 0, 0])[None])[0, :3].tolist()
+                await page.until(f"{headsets.OFF}({hand}, {place}) < 1e-3 ? 1 : 0", 20)
+        await page.run("session.headset.renderer.xr.getSession().end()")
+        await page.until("session.headset.active ? 0 : 1")
+        await page.until("session.twin.hands[1].group.position.length() === 0 ? 1 : 0")
+
+    opened(lifting, tmp_path, script, (), use)
 
 
 def test_a_page_beside_another_operator_says_so(lifting: TaskBundle, tmp_path: Path):
