@@ -48,6 +48,14 @@ class Topics(NamedTuple):
     inputs: str = "/hands/input"
 
 
+class Read(NamedTuple):
+    """What a recording holds."""
+
+    hands: HandStream
+    unused: tuple[int, int]
+    """Messages of left and right with a hand that fit no time of the other hand's, so that they are left out."""
+
+
 class _Rows(NamedTuple):
     """Poses of a topic: times (M,) [ns], poses (M, K, 7) float32 with NaN where lost, and their frame."""
 
@@ -85,17 +93,25 @@ def write(made: HandStream, out: IO[bytes]) -> None:
 
 
 def load(path: str | Path, topics: Topics | None = None, *, unit_m: float = 1.0) -> HandStream:
-    """Read a recording of hands; see `of`.
+    """Read a recording of hands; see `read`.
 
     Raises:
-        ArtifactError: There is no such file, it is no MCAP file, or `of` refuses it.
+        ArtifactError: There is no such file, it is no MCAP file, or `read` refuses it.
     """
     suffix_among("HandStream", Path(path), (".mcap",))
     return of(mcap.load(path), topics, unit_m=unit_m)
 
 
 def of(stream: Stream, topics: Topics | None = None, *, unit_m: float = 1.0) -> HandStream:
-    """The hands in a recording. The messages of the hand with more of them give the times.
+    """The hands in a recording; see `read`."""
+    return read(stream, topics, unit_m=unit_m).hands
+
+
+def read(stream: Stream, topics: Topics | None = None, *, unit_m: float = 1.0) -> Read:
+    """The hands in a recording, and what of it they lack.
+
+    The messages of the hand with more of them give the times, and those of the other hand where the first has none for
+    longer than `NEAR_S`, as in a recording that holds hands only while they are seen.
 
     Args:
         stream: The recording.
@@ -115,16 +131,18 @@ def of(stream: Stream, topics: Topics | None = None, *, unit_m: float = 1.0) -> 
             facts={"topics": listing(f"{each.topic} ({each.kind})" for each in stream.channels)},
             hint="name the topics of `geometry_msgs/PoseArray` that hold the joints of the hands",
         )
-    times = max(left.times, right.times, key=len)
+    one, other = sorted((left.times, right.times), key=len, reverse=True)
+    period = int(np.median(np.diff(one))) if len(one) > 1 else 0
+    most = max(1, period // 2)
+    times = np.union1d(one, other[_alone(other, one, most)])
     head = _poses(stream, named.head, mcap.POSES)
     _check_frames({named.left: left, named.right: right, named.head: head})
-    period = int(np.median(np.diff(times))) if len(times) > 1 else 0
-    poses = np.stack([_matched(times, each, max(1, period // 2)) for each in (left, right)], axis=1)
+    poses = np.stack([_matched(times, each, most) for each in (left, right)], axis=1)
     poses[..., :3] *= np.float32(unit_m)
     heads = _matched(times, head, round(NEAR_S * reading.SECOND))[:, 0] if len(head.times) else None
     if heads is not None:
         heads[:, :3] *= np.float32(unit_m)
-    return HandStream(
+    found = HandStream(
         frame=next(each.frame for each in (left, right) if len(each.times)),
         stamps=np.array([time / reading.SECOND for time in times.tolist()], np.float64),
         positions=np.ascontiguousarray(poses[..., :3]),
@@ -132,6 +150,7 @@ def of(stream: Stream, topics: Topics | None = None, *, unit_m: float = 1.0) -> 
         head=heads,
         **_inputs(stream, named.inputs, times, poses) | _about(stream),
     )
+    return Read(found, (_unused(times, left, most), _unused(times, right, most)))
 
 
 def _facts(made: HandStream) -> dict[str, Any]:
@@ -261,6 +280,25 @@ def _nearest(times: np.ndarray, known: np.ndarray, most: int) -> tuple[np.ndarra
     before = np.maximum(after - 1, 0)
     nearest = np.where(np.abs(known[before] - times) < np.abs(known[after] - times), before, after)
     return nearest, np.abs(known[nearest] - times) <= most
+
+
+def _alone(times: np.ndarray, others: np.ndarray, most: int) -> np.ndarray:
+    """Which of `times` (N,) lie between two `others` (M,) that are further apart than `NEAR_S`, or beyond all of them.
+
+    Those within `most` ns of one of them do not.
+    """
+    edges = np.concatenate([[-np.inf], others, [np.inf]])
+    place = np.searchsorted(others, times, side="right")
+    away = np.minimum(times - edges[place], edges[place + 1] - times)
+    return np.asarray((edges[place + 1] - edges[place] > NEAR_S * reading.SECOND) & (away > most))
+
+
+def _unused(times: np.ndarray, rows: _Rows, most: int) -> int:
+    """Number of poses that none of `times` (N,) took."""
+    nearest, near = _nearest(times, rows.times, most)
+    left = np.ones(len(rows.times), bool)
+    left[nearest[near]] = False
+    return int((left & np.isfinite(rows.poses).all(axis=(1, 2))).sum())
 
 
 def _inputs(stream: Stream, topic: str, times: np.ndarray, poses: np.ndarray) -> dict[str, Any]:

@@ -27,6 +27,8 @@ LARGEST = 4096
 """Largest message that a page sends [byte]: a frame with all joints has 1,456."""
 FAR_M = 100.0
 """Positions beyond this are no hand's [m]."""
+FLAT_M = 1e-3
+"""A palm whose knuckles are nearer than this to one line through the wrist is no hand's [m]."""
 AHEAD = np.array([[0.0, 0, -1], [-1, 0, 0], [0, 1, 0]])
 """Rotation of the axes of WebXR's frame (y up, -z ahead) into one with z up and x ahead."""
 
@@ -51,7 +53,8 @@ def frame(data: bytes, arrived: float, heading_rad: float) -> Frame:
         heading_rad: Angle about the vertical from the operator's axes to those of the robot's base [rad].
 
     Raises:
-        Refused: It has another size, number of joints or kind, or a tracked hand has numbers that are not finite.
+        Refused: It has another size, number of joints or kind, or a tracked hand has numbers that are not finite, or
+            no palm.
     """
     if len(data) < HEAD.size:
         raise Refused(f"a frame of hands has {len(data)} bytes; its head alone has {HEAD.size}")
@@ -66,6 +69,8 @@ def frame(data: bytes, arrived: float, heading_rad: float) -> Frame:
         raise Refused(f"a frame of hands has {len(data)} bytes instead of {HEAD.size + 4 * int(np.prod(shape))}")
     values = np.frombuffer(data, "<f4", offset=HEAD.size).reshape(shape).astype(np.float64)
     _check(values, tracking)
+    if kind == JOINTS:
+        _check_palms(values, tracking)
     poses = values if kind == JOINTS else posture.joints(values[:, :7], values[:, 7])
     poses = np.where(tracking[:, None, None] > LOST, poses, np.nan)
     turn = lie.about_z(heading_rad) @ AHEAD if axes == WEBXR else np.eye(3)
@@ -96,6 +101,16 @@ def _check(values: np.ndarray, tracking: np.ndarray) -> None:
             raise Refused(f"the {side} hand has rotations that are no unit quaternions")
 
 
+def _check_palms(values: np.ndarray, tracking: np.ndarray) -> None:
+    """Refuse joints (2, 25, 7) in which a tracked hand has no palm, whose axes would be no numbers."""
+    for hand in np.flatnonzero(tracking > LOST):
+        points = values[hand, :, :3]
+        index, middle, little = (points[hands.KNUCKLES[finger]] - points[hands.WRIST] for finger in (1, 2, 4))
+        apart = np.linalg.norm(np.cross(little, index)) / max(float(np.linalg.norm(index)), FLAT_M)
+        if min(apart, np.linalg.norm(middle)) < FLAT_M:
+            raise Refused(f"the wrist and the knuckles of the {hands.SIDES[hand]} hand lie on one line")
+
+
 def _turned(poses: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Positions (..., 3) and quaternions w x y z (..., 4), float32, of poses with x y z w, turned by (3, 3)."""
     found = quaternions.multiply(quaternions.from_matrix(turn), poses[..., [6, 3, 4, 5]])
@@ -112,7 +127,7 @@ def command(text: str) -> Mapping[str, Any]:
     """
     try:
         found = json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):  # the latter from lists within lists without end
         found = None
     if not isinstance(found, dict):
         raise Refused("a command is a JSON object")

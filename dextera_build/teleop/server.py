@@ -49,17 +49,19 @@ class Allowance:
     def __init__(self) -> None:
         self._left, self._last = BURST, time.perf_counter()
         self.excess = 0
-        """Messages beyond the rate in a row."""
+        """Messages beyond the rate since the bucket was last full."""
 
     def spend(self, now: float) -> bool:
         """Whether a message at a time [s] is within the rate."""
         self._left = min(BURST, self._left + (now - self._last) * MOST_HZ)
         self._last = now
+        if self._left >= BURST:
+            # Single messages are within the rate in any flood, so they do not end one; a pause does.
+            self.excess = 0
         if self._left < 1:
             self.excess += 1
             return False
         self._left -= 1
-        self.excess = 0
         return True
 
 
@@ -150,7 +152,7 @@ class Server:
             self._tell(f"refused: {refused}")
             return _answer(http.HTTPStatus.FORBIDDEN, b"dxb teleop does not serve this page\n")
         _, token, *rest = (*urlsplit(request.path).path.split("/"), "")[:4]
-        if not secrets.compare_digest(token.encode(), self.token.encode()):
+        if not secrets.compare_digest(token.encode(errors="surrogateescape"), self.token.encode()):
             self._tell("refused: an address without this session's token")
             return _answer(http.HTTPStatus.NOT_FOUND, b"open the address that dxb teleop printed\n")
         name = rest[0] or "index.html"

@@ -6,7 +6,7 @@ import shutil
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -191,9 +191,10 @@ class Session(threading.Thread):
         self._told = "hold both hands open"
 
     def _do_recentre(self) -> None:
-        head = None if self._last is None else self._last.head
-        if head is not None and np.isfinite(head).all():
+        if self._last is not None and np.isfinite(head := self._last.head).all():
             self.heading_rad += heading(quaternions.to_matrix(head[3:].astype(np.float64)))
+            # This head was turned by the old angle: a second wish needs a message that is turned by the new one.
+            self._last = replace(self._last, head=np.full(7, np.nan, np.float32))
 
     def _do_start(self) -> None:
         self._told = self._hindrance()
@@ -204,11 +205,12 @@ class Session(threading.Thread):
         """Why no take can begin now, or ""."""
         if len(self.takes.kept) >= self.plan.takes:
             return f"all {self.plan.takes} takes are recorded: end the session, or drop the last take"
-        must = needed(self.environment)
-        sides = [own.side for limb, own in self.own.items() if limb in must or len(self.own) == 1]
-        missing = [side for side in sides if not self.measure.done(side)]
+        must, sides = needed(self.environment), {limb: own.side for limb, own in self.own.items()}
+        missing = " and the ".join(side for limb, side in sides.items() if limb in must and not self.measure.done(side))
+        if not any(self.measure.done(side) for side in sides.values()):
+            missing = missing or " or the ".join(sides.values())
         if missing:
-            return f"hold the {' and the '.join(missing)} hand open for {self.measure.SECONDS:g} s first"
+            return f"hold the {missing} hand open for {self.measure.SECONDS:g} s first"
         if shutil.disk_usage(self.takes.path.parent).free < FREE_BYTES:
             return f"the disk of {self.takes.path.parent} is full: free {FREE_BYTES // 1_000_000} MB first"
         return ""

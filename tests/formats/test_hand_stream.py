@@ -94,6 +94,39 @@ def test_a_recording_of_another_program_is_read(tmp_path: Path) -> None:
     assert found.pinch[closed, 0] > 0.2 + found.pinch[opened, 0]
 
 
+def parts(left: slice, right: slice) -> list[Sent]:
+    """Messages of a recorder that sends a hand only while it sees it, the right one 3 ms after the left."""
+    made = stream(288)
+    sent = [("/vr/l", made.stamps[row], rows(made, row, 0)) for row in range(288)[left]]
+    return sent + [("/vr/r", made.stamps[row] + 0.003, rows(made, row, 1)) for row in range(288)[right]]
+
+
+@pytest.mark.parametrize(("left", "right"), [((0, 150), (110, 250)), ((30, 288), (0, 200)), ((0, 60), (200, 250))])
+def test_hands_that_are_seen_one_after_the_other_are_all_read(
+    tmp_path: Path, left: tuple[int, int], right: tuple[int, int]
+) -> None:
+    path = recorded(tmp_path / "a.mcap", parts(slice(*left), slice(*right)))
+    found = HandStream.load(path, topics=OTHERS)
+    for hand, (first, last) in enumerate((left, right)):
+        seen = found.tracking[:, hand] > 0
+        assert seen.sum() == last - first
+        np.testing.assert_array_equal(found.positions[seen, hand], stream(288).positions[first:last, hand])
+        assert np.abs(found.stamps[seen] - stream(288).stamps[first:last]).max() < 0.0031
+    assert len(found.stamps) == len({*range(*left), *range(*right)})
+    assert (np.diff(found.stamps) > 0).all()
+    assert hand_stream.read(mcap.load(path), OTHERS).unused == (0, 0)
+
+
+def test_messages_that_fit_no_other_are_counted(tmp_path: Path) -> None:
+    """A right hand at three times the rate of the left one, for a while."""
+    made, sent = stream(144), parts(slice(0, 144), slice(0, 40))
+    sent += [("/vr/r", made.stamps[row] + part / 216, rows(made, row, 1)) for row in range(40, 60) for part in range(3)]
+    found = hand_stream.read(mcap.load(recorded(tmp_path / "a.mcap", sent)), OTHERS)
+    # The last one is near to the next message of the left hand, and belongs to it.
+    assert found.unused == (0, 39)
+    assert (found.hands.tracking[:, 1] > 0).sum() == 61
+
+
 def test_poses_without_rotation_or_number_are_a_lost_hand(tmp_path: Path) -> None:
     sent = [("/vr/l", number / 72, rows(stream(4), number, 0)) for number in range(4)]
     sent += [("/vr/r", 0.0, np.zeros((25, 7))), ("/vr/r", 1 / 72, np.full((25, 7), np.nan))]

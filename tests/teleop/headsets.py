@@ -30,6 +30,14 @@ PLAY = """
   window.player.play();
 }
 """
+OFF = """((hand, place) => {
+  const { scene } = session.headset, joint = session.twin.hands[hand].joints[0];
+  if (!session.twin.hands[hand].group.visible) return 1e9;
+  scene.updateMatrixWorld(true);
+  const drawn = joint.matrixWorld.elements.slice(12, 15);
+  return Math.hypot(...drawn.map((each, axis) => each - place[axis]));
+})"""
+"""How far [m] the wrist of an operator's skeleton is drawn from a place in the room."""
 STEP_MS, LEAD_MS = 25, 50
 """Most simulated time that hands go on by from one picture of the page to the next, and beyond the one it shows."""
 PLAY_PACED = f"""

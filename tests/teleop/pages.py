@@ -15,15 +15,16 @@ def joints(hand: np.ndarray, number: int = 1, *, count: int = len(hands.JOINTS),
     return head(number, protocol.JOINTS, count, protocol.WEBXR, tracking) + hand.astype("<f4").tobytes()
 
 
-def wrists(closed: float, number: int = 1, axes: int = protocol.BASE) -> bytes:
-    """A frame of wrists at the origin, with both hands closed that far."""
+def wrists(closed: float, number: int = 1, axes: int = protocol.BASE, turned_rad: float = 0.0) -> bytes:
+    """A frame of wrists at the origin, with both hands closed that far, and the head turned about y."""
     row = [0, 0, 0, 0, 0, 0, 1, closed]
-    return head(number, protocol.POSTURE, 0, axes) + np.array([row, row], "<f4").tobytes()
+    looks = (*HEAD[:3], 0.0, np.sin(turned_rad / 2), 0.0, np.cos(turned_rad / 2))
+    return head(number, protocol.POSTURE, 0, axes, looks=looks) + np.array([row, row], "<f4").tobytes()
 
 
-def head(number: int, kind: int, count: int, axes: int, tracking: int = 2) -> bytes:
+def head(number: int, kind: int, count: int, axes: int, tracking: int = 2, looks: tuple[float, ...] = HEAD) -> bytes:
     """The first part of a frame."""
-    return protocol.HEAD.pack(number, kind, count, axes, 12.5, tracking, tracking, 1, 1, 0.5, 0.25, *HEAD)
+    return protocol.HEAD.pack(number, kind, count, axes, 12.5, tracking, tracking, 1, 1, 0.5, 0.25, *looks)
 
 
 def opened() -> np.ndarray:

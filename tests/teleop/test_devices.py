@@ -39,7 +39,13 @@ def test_a_controller_moves_the_robot_while_its_grip_is_pressed(lifting: TaskBun
         height = 1.1
         await place(page, height)
         await page.run("session.headset.enter()")
-        await page.until("session.headset.active && session.link.number > 5 ? 1 : 0")
+        await page.until("session.headset.placed === null ? 0 : 1")
+        number = await page.run("session.link.number")
+        while session._last is None or session._last.number < number:
+            await asyncio.sleep(0.05)
+        grip = headsets.turned(np.append(session._last.positions[1, 0], [1, 0, 0, 0])[None])[0, :3].tolist()
+        assert np.linalg.norm(np.array(grip) - [0.2, height, -0.4]) < 0.1
+        await page.until(f"{headsets.OFF}(1, {grip}) < 1e-3 ? 1 : 0", 20)
         await page.run("session.link.send({do: 'start'})")
         await page.until("session.facts.phase === 'waiting' ? 1 : 0")
         # The grip is open: the controller moves, and the take does not begin.

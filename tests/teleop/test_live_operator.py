@@ -21,6 +21,33 @@ def test_a_message_that_is_refused_is_none():
     assert inbox.take(0) is None
 
 
+def test_messages_that_are_refused_are_no_sign_of_life():
+    inbox = Inbox()
+    inbox.put(message(1))
+    assert inbox.take(0) is not None
+    heard = inbox.arrived
+    for _ in range(3):
+        inbox.put(lambda: protocol.frame(b"", 0.0, 0.0).message)
+        inbox.take(0)
+        assert inbox.arrived == heard
+    # The session has not read this one yet, and cannot know whether it is better.
+    inbox.put(message(2))
+    assert inbox.arrived == heard
+    assert inbox.take(0) is not None
+    assert inbox.arrived > heard
+    inbox.put(message(3))
+    assert inbox.arrived <= time.perf_counter()
+
+
+def test_a_message_that_a_slow_simulation_has_not_read_is_one():
+    inbox = Inbox()
+    inbox.put(message(1))
+    assert inbox.take(0) is not None
+    heard = inbox.arrived
+    inbox.put(message(2))
+    assert inbox.arrived > heard
+
+
 def test_an_older_message_that_waits_is_dropped():
     inbox = Inbox()
     for number in (1, 2, 3):

@@ -19,6 +19,7 @@ from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.teleop.session import Session
 from dextera_build.testing import RuleRunner
 from tests import hand_tasks
+from tests.hand_streams import stream
 from tests.teleop import headsets, replays
 from tests.teleop.browsing import NO_PICTURES, Headset, opened
 from tests.teleop.chromium import Page
@@ -27,6 +28,13 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(shutil.which("chromium") is None, reason="`.ci/system browser` installs Chromium"),
 ]
+REFUSING = """
+Object.defineProperty(navigator, "xr", { value: {
+  isSessionSupported: async () => true,
+  requestSession: async () => { throw new DOMException("another page has it", "InvalidStateError"); },
+} });
+"""
+"""A headset that is in use."""
 TAKES, ATTEMPTS = 10, 2
 """Starts that are demonstrated, and how often at most each; docs/benchmarks/teleoperation.md has those of more."""
 
@@ -55,6 +63,68 @@ def test_keys_move_the_robot_and_the_page_shows_it(lifting: TaskBundle, tmp_path
         assert await page.until("session.link.lastTrip") > 0
 
     opened(lifting, tmp_path, "", (), use)
+
+
+def test_a_hand_that_keys_moved_before_the_take_does_not_pull_the_robot(lifting: TaskBundle, tmp_path: Path):
+    async def use(page: Page, session: Session) -> None:
+        await page.run(NO_PICTURES)
+        await page.run("document.getElementById('view').focus()")
+        home = await page.run("session.keys.pivot[1].z")
+        # As far as keys move it in a third of a second, and not so far that the robot takes it for a jump.
+        await page.run("(session.keys.pivot[1].z += 0.04, 0)")
+        await asyncio.sleep(0.5)
+        before = session.environment.palm_poses()[0, :3].copy()
+        await page.key("Enter")
+        await page.until("session.facts.seconds > 0.5 ? 1 : 0")
+        assert session._live is not None
+        assert np.linalg.norm(session._live.aims["arm"].palm[:3, 3] - before) < 1e-3
+        assert np.linalg.norm(session.environment.palm_poses()[0, :3] - before) < 0.01
+        await page.key("Backspace")
+        await page.until("session.facts.told === 'discarded' ? 1 : 0")
+        await page.until(f"Math.abs(session.keys.pivot[1].z - {home}) < 1e-6 ? 1 : 0")
+
+    opened(lifting, tmp_path, "", (), use)
+
+
+def test_a_headset_that_cannot_be_entered_is_told(lifting: TaskBundle, tmp_path: Path):
+    async def use(page: Page, session: Session) -> None:
+        await page.run(NO_PICTURES)
+        await page.until("document.getElementById('headset').hidden ? 0 : 1")
+        await page.run("document.getElementById('headset').click()")
+        words = "the headset refused: another page has it"
+        await page.until(f"document.getElementById('told').textContent === {json.dumps(words)} ? 1 : 0")
+        assert await page.run("document.getElementById('told').className") == "bad"
+        assert not await page.run("session.headset.active")
+
+    opened(lifting, tmp_path, REFUSING, (), use)
+
+
+def test_an_operator_sees_both_hands_where_they_are(
+    runner: RuleRunner, lifting: TaskBundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    script = headsets.script(tmp_path)
+    if script is None:
+        pytest.skip("npm cannot get the emulated headset")
+    hands = stream(20, frame="base", clutch=np.ones((20, 2), bool))
+
+    async def use(page: Page, session: Session) -> None:
+        await page.run(NO_PICTURES)
+        await page.run("session.headset.enter()")
+        for row, heading in ((0, 0.0), (10, 0.0), (10, 0.6)):
+            session.heading_rad = heading
+            still = json.dumps(headsets.still(hands, row))
+            await page.run(f"({headsets.PLAY})({still})")
+            await page.until(
+                f"Math.abs(session.headset.placed - {heading}) < 1e-9 && session.headset.placed !== null ? 1 : 0"
+            )
+            for hand in (0, 1):
+                place = headsets.turned(np.append(hands.positions[row, hand, 0], [1, 0, 0, 0])[None])[0, :3].tolist()
+                await page.until(f"{headsets.OFF}({hand}, {place}) < 1e-3 ? 1 : 0", 20)
+        await page.run("session.headset.renderer.xr.getSession().end()")
+        await page.until("session.headset.active ? 0 : 1")
+        await page.until("session.twin.hands[1].group.position.length() === 0 ? 1 : 0")
+
+    opened(lifting, tmp_path, script, (), use)
 
 
 def test_a_page_beside_another_operator_says_so(lifting: TaskBundle, tmp_path: Path):

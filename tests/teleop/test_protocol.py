@@ -14,6 +14,13 @@ from dextera_build.teleop import posture, protocol
 from tests.teleop import pages
 
 
+def at_one_point() -> np.ndarray:
+    """Joints (2, 25, 7) as a device may send them before it sees a hand."""
+    found = np.zeros((2, 25, 7))
+    found[..., 6] = 1
+    return found
+
+
 def test_a_frame_becomes_hands_in_the_base_frame_with_z_up():
     sent = pages.opened()
     frame = protocol.frame(pages.joints(sent, 7), 3.0, 0.0)
@@ -53,6 +60,8 @@ def test_a_lost_hand_has_no_numbers_and_no_clutch():
         (pages.joints(np.full((2, 25, 7), np.nan)), "the left hand is tracked, but has numbers that are not finite"),
         (pages.joints(1e9 * pages.opened()), "farther away than 100 m"),
         (pages.joints(np.zeros((2, 25, 7))), "no unit quaternions"),
+        (pages.joints(at_one_point()), "the wrist and the knuckles of the left hand lie on one line"),
+        (pages.joints(np.linspace(0, 0.2, 25)[None, :, None] + at_one_point()), "of the left hand lie on one line"),
         (pages.head(1, 9, 25, 0), "is unknown"),
         (pages.head(1, 0, 25, 0, tracking=7), "is unknown"),
     ],
@@ -62,7 +71,7 @@ def test_what_is_no_frame_is_refused(data: bytes, words: str):
         protocol.frame(data, 0.0, 0.0)
 
 
-@pytest.mark.parametrize("text", ["", "[]", "7", "{", '"start"'])
+@pytest.mark.parametrize("text", ["", "[]", "7", "{", '"start"', 3000 * "["])
 def test_what_is_no_command_is_refused(text: str):
     with pytest.raises(Refused, match="a command is a JSON object"):
         protocol.command(text)

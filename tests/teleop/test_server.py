@@ -6,6 +6,7 @@ import asyncio
 import json
 import ssl
 import threading
+import time
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -83,6 +84,17 @@ async def status(address: str, **options: Any) -> int:
     return caught.value.response.status_code
 
 
+async def answered(address: str, path: bytes) -> bytes:
+    """The answer to a request for a path that no client would ask for."""
+    host, _, port = address.split("/")[2].partition(":")
+    reader, writer = await asyncio.open_connection(host, int(port))
+    rest = "Upgrade: websocket\r\nSec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    writer.write(b"GET " + path + f" HTTP/1.1\r\nHost: {host}:{port}\r\nConnection: Upgrade\r\n{rest}".encode())
+    found = await reader.read(200)
+    writer.close()
+    return found
+
+
 async def settled(until: Callable[[], bool]) -> None:
     for _ in range(200):
         if until():
@@ -91,10 +103,11 @@ async def settled(until: Callable[[], bool]) -> None:
     raise AssertionError("it never came to that")
 
 
-async def flood(page: ClientConnection) -> None:
-    """Send as fast as it goes."""
+async def flood(page: ClientConnection, period_s: float) -> None:
+    """Send a message per period, or as fast as it goes, until the connection is closed."""
     for number in range(300):
         await page.send(pages.wrists(0.0, number))
+        await asyncio.sleep(period_s)
     await page.recv()
 
 
@@ -104,6 +117,7 @@ def test_files_need_the_token_and_the_origin():
         assert await status(root + "/") == 404
         assert await status(root + "/wrong/") == 404
         assert await status(root + "/wrong/socket") == 404
+        assert (await answered(address, b"/\xff\xfe/")).startswith(b"HTTP/1.1 404 ")
         assert await status(address) == 200
         assert await status(address + "twin") == 200
         assert await status(address + "main.js") == 200
@@ -209,6 +223,7 @@ def test_bad_frames_are_refused_and_the_session_goes_on():
                 (pages.joints(np.full((2, 25, 7), np.nan)), "not finite"),
                 (pages.joints(np.zeros((2, 21, 7)), count=21), "21 joints instead of 25"),
                 ("[]", "a command is a JSON object"),
+                (3000 * "[", "a command is a JSON object"),
                 ('{"do": "destroy"}', "a command is `do`"),
             ):
                 await page.send(data)
@@ -243,7 +258,8 @@ def test_a_message_that_is_too_large_closes_the_connection():
 
 
 @pytest.mark.medium
-def test_old_messages_are_dropped_and_a_flood_is_cut(monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize("period_s", [0.0, 0.01])
+def test_old_messages_are_dropped_and_a_flood_is_cut(monkeypatch: pytest.MonkeyPatch, period_s: float):
     async def use(address: str, made: Server, session: Session) -> None:
         async with connect(address + "socket") as page:
             for number in range(5):
@@ -253,12 +269,31 @@ def test_old_messages_are_dropped_and_a_flood_is_cut(monkeypatch: pytest.MonkeyP
             assert session.inbox.dropped == 4
             assert session.inbox.take(0).number == 4
             with pytest.raises(ConnectionClosed):
-                await flood(page)
+                await flood(page, period_s)
             assert page.close_code == server.RATE
 
     monkeypatch.setattr(server, "MOST_HZ", 20.0)
     monkeypatch.setattr(server, "BURST", 30.0)
     served(use)
+
+
+@pytest.mark.parametrize("rate_hz", [300, 1_000, 20_000])
+def test_a_flood_that_lasts_ends_at_any_rate(rate_hz: int):
+    allowance, now, sent = server.Allowance(), time.perf_counter(), 0
+    while allowance.excess <= server.MOST_HZ:
+        sent += 1
+        allowance.spend(now + sent / rate_hz)
+        assert sent < 10 * rate_hz
+    assert sent > server.BURST + server.MOST_HZ
+
+
+def test_what_waited_in_the_network_comes_at_once_and_is_no_flood():
+    allowance, now = server.Allowance(), time.perf_counter()
+    for number in range(120 * 60):
+        # A headset with 120 Hz; the messages of every other second arrive at its end.
+        second, part = divmod(number, 120)
+        allowance.spend(now + second + (part / 120 if second % 2 else 1.0))
+        assert allowance.excess < server.MOST_HZ / 2
 
 
 def test_a_state_reaches_the_operator_and_an_unsent_one_is_replaced():

@@ -35,11 +35,13 @@ pytestmark = pytest.mark.slow
 class Live:
     """A session whose states are kept, and an operator's means to reach it."""
 
-    def __init__(self, bundle: TaskBundle, path: Path, *starts: int, limits: Limits | None = None) -> None:
+    def __init__(
+        self, bundle: TaskBundle, path: Path, *starts: int, limits: Limits | None = None, limit_s: float = 30.0
+    ) -> None:
         self.states: list[dict[str, Any]] = []
         limits = limits or Limits()
         self.takes = Takes(path, synthetic=True, workplace=workplace.of(bundle, limits))
-        plan = Plan(1, 0, starts, 30.0, SPEED, Retargeting(heading_rad=0.0), limits)
+        plan = Plan(1, 0, starts, limit_s, SPEED, Retargeting(heading_rad=0.0), limits)
         self.session = Session(bundle, plan, self.takes, self.publish)
         self.session.start()
 
@@ -179,6 +181,17 @@ def test_a_guard_that_stops_the_robot_ends_the_take_with_its_reason(
     assert not live.takes.kept
 
 
+def test_a_second_wish_for_one_and_the_same_heading_changes_nothing(live: Live) -> None:
+    for number, angle in ((1, 40.0), (2, 0.0)):
+        live.say(pages.wrists(0.0, number, protocol.WEBXR, np.deg2rad(angle)))
+        live.until("measured", [1, 1])
+        time.sleep(0.2)
+        for _ in range(2):
+            live.session.wish("recentre")
+            time.sleep(0.2)
+        assert np.rad2deg(live.states[-1]["heading"]) == pytest.approx(-40.0)
+
+
 def test_hands_that_are_not_measured_start_nothing(live: Live) -> None:
     live.say(pages.joints(pages.opened()))
     live.session.wish("start")
@@ -201,6 +214,16 @@ def test_keys_move_the_robot_and_a_silent_connection_holds_and_then_stops(live: 
     stopped = live.until("phase", "ready")
     assert stopped["told"] == "the connection was silent for 2 s, so the take was stopped"
     assert not live.takes.kept
+
+
+def test_frames_that_are_all_refused_are_a_silent_connection(live: Live) -> None:
+    begin(live)
+    for _ in range(400):
+        live.say(b"no frame of hands")
+        if live.states[-1]["phase"] == "ready":
+            break
+        time.sleep(0.015)
+    assert live.until("phase", "ready", 1.0)["told"] == "the connection was silent for 2 s, so the take was stopped"
 
 
 def test_discard_ends_a_take_and_finish_waits_for_the_robot_to_rest(live: Live) -> None:

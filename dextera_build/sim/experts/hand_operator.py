@@ -103,7 +103,8 @@ class Palms:
 class HandOperator:
     """Moves palms and fingers as the operator's hands move, message by message and never ahead of time.
 
-    Palms move relative to where they are at the first message of a closed clutch.
+    Palms move relative to where they are at the first message of a closed clutch. A limb that the task does not need is
+    not commanded before that message, as in the session that recorded the take.
 
     Args:
         environment: The task; only its data are used.
@@ -131,7 +132,8 @@ class HandOperator:
                 hint="record the hand that the robot follows, with its clutch closed, "
                 "or state `hands: {LIMB: {side: ...}}` in the robot's recipe",
             )
-        self._palms, self._environment = Palms(robot, self._own), environment
+        self._first = _first_messages(take, self._own, must)
+        self._palms, self._environment = Palms(robot, own), environment
         self._times = take.stamps - take.stamps[0]
         self.longest_s: float = float(self._times[-1]) + SETTLE_S + task.hold_s
         """Time after which the take has either done the task or failed [s]."""
@@ -146,7 +148,8 @@ class HandOperator:
         """
         palms = self._palms.at(state)
         self._targets = {
-            limb: motion.follow(hand, self._take, palms[limb], self._options) for limb, hand in self._own.items()
+            limb: motion.follow(hand, self._take, palms[limb], self._options, self._first[limb])
+            for limb, hand in self._own.items()
         }
         self._steps, self._labels = 0, Labels(self._environment, self._own)
 
@@ -157,13 +160,29 @@ class HandOperator:
         if now > self._times[-1] + self._environment.period_s:
             return None
         row = int(np.searchsorted(self._times, now, side="right")) - 1
-        aims = {limb: Aim(each.palms[row], each.fingers[row]) for limb, each in self._targets.items()}
+        aims = {
+            limb: Aim(each.palms[row], each.fingers[row])
+            for limb, each in self._targets.items()
+            if row >= self._first[limb]
+        }
         return self._labels.command(aims, state)
 
 
 def _drives(take: HandStream, hand: Matched) -> bool:
+    return bool(_closed(take, hand).any())
+
+
+def _closed(take: HandStream, hand: Matched) -> np.ndarray:
+    """Whether a hand moves the robot, in each message (N,)."""
     side = hands.SIDES.index(hand.side)
-    return bool((take.clutch[:, side] & (take.tracking[:, side] > LOST)).any())
+    return np.asarray(take.clutch[:, side] & (take.tracking[:, side] > LOST))
+
+
+def _first_messages(take: HandStream, own: Mapping[str, Matched], must: set[str]) -> dict[str, int]:
+    """Limb -> the message from which on it is commanded: its first closed clutch; from the start for the first."""
+    found = {limb: 0 if limb in must else int(np.argmax(_closed(take, hand))) for limb, hand in own.items()}
+    begin = min(found.values())
+    return {limb: first if first > begin else 0 for limb, first in found.items()}
 
 
 def _seen(take: HandStream) -> dict[str, str]:

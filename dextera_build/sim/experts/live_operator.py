@@ -59,16 +59,21 @@ class Inbox:
     def __init__(self) -> None:
         self._changed = threading.Condition()
         self._message: Callable[[], Message] | None = None
+        self._came = self._heard = -np.inf
+        self._refused = False
         self.dropped = 0
         """Messages that a newer one replaced."""
         self.arrived = -np.inf
-        """When the newest message came, by `time.perf_counter` [s]."""
+        """When the newest message came that was not refused, by `time.perf_counter` [s]. One that was not read yet
+        counts, unless the last one was refused."""
 
     def put(self, message: Callable[[], Message]) -> None:
         """Leave what reads a message, and may raise `Refused`, from any thread."""
         with self._changed:
             self.dropped += self._message is not None
-            self._message, self.arrived = message, time.perf_counter()
+            self._message, self._came = message, time.perf_counter()
+            if not self._refused:
+                self.arrived = self._came
             self._changed.notify()
 
     def wake(self) -> None:
@@ -82,10 +87,18 @@ class Inbox:
             if self._message is None and timeout_s > 0:
                 self._changed.wait(timeout_s)
             found, self._message = self._message, None
-        try:
-            return None if found is None else found()
-        except Refused:
+            came = self._came
+        if found is None:
             return None
+        try:
+            message = found()
+        except Refused:
+            message = None
+        with self._changed:
+            self._refused = message is None
+            self._heard = self._heard if message is None else came
+            self.arrived = self._heard if message is None else self._came
+        return message
 
 
 class Ended(Exception):  # noqa: N818  a wish of the operator or a lost connection, not a fault
@@ -98,7 +111,8 @@ class LiveOperator:
     Args:
         environment: The task; only its data are used.
         own: Hands of the robot, `hand_operator.hands_of`.
-        lengths_m: (2, 5) lengths of the operator's fingers, left and right [m].
+        lengths_m: (2, 5) lengths of the operator's fingers, left and right [m]; NaN of a hand that was not measured,
+            which then moves nothing.
         options: Constants of retargeting, with a heading of 0.
         inbox: Where messages arrive.
         check: Called while waiting, at least once per control step; it may raise `Ended`.
@@ -133,23 +147,19 @@ class LiveOperator:
         self._last_step: int | None = None
 
     def begin(self, state: State) -> None:
-        """Wait for the first message in which a hand moves the robot; it decides which limbs the take moves.
+        """Wait for the first message in which a hand moves the robot. Other limbs join when their clutch closes.
 
         Raises:
             Ended: `check` ended the take.
         """
         first = self._inbox.take(0)
-        while first is None or not (moving := drives(self._all, first)):
+        while first is None or not self._drives(first):
             self._check()
             first = self._inbox.take(self._period)
-        must = needed(self._environment)
-        self._own = {limb: own for limb, own in self._all.items() if limb in must or limb in moving}
-        palms = Palms(self._environment.bundle.robot, self._own).at(state)
-        self._followers = {
-            limb: Follower(own, self._lengths[hands.SIDES.index(own.side)], palms[limb], self._options)
-            for limb, own in self._own.items()
-        }
-        self._labels = Labels(self._environment, self._own)
+        self._palms = Palms(self._environment.bundle.robot, self._all).at(state)
+        self._followers: dict[str, Follower] = {}
+        self._labels = Labels(self._environment, self._all)
+        self._join(needed(self._environment))
         self._steps, self._ticks = 0, -1
         self._hear(first)
         self._began = time.perf_counter()
@@ -211,6 +221,8 @@ class LiveOperator:
             return  # within a tick of the last message
         self._ticks, self.heard = ticks, time.thread_time()
         self.rows.append((ticks, message))
+        self._join(self._drives(message))
+        aims = {}
         for limb, follower in self._followers.items():
             hand = hands.SIDES.index(follower.own.side)
             palm, self.held[limb] = follower.next(
@@ -220,14 +232,22 @@ class LiveOperator:
                 tracked=bool(message.tracking[hand] > LOST),
                 clutch=bool(message.clutch[hand]),
             )
-            self.aims[limb] = Aim(palm, follower.fingers)
+            aims[limb] = Aim(palm, follower.fingers)
+        self.aims = aims
+
+    def _drives(self, message: Message) -> set[str]:
+        """Limbs whose hand was measured, and moves the robot in a message."""
+        closed = (message.tracking > LOST) & message.clutch & np.isfinite(self._lengths).all(axis=1)
+        return {limb for limb, each in self._all.items() if closed[hands.SIDES.index(each.side)]}
+
+    def _join(self, limbs: set[str]) -> None:
+        """Let further limbs follow their hands; the order of limbs stays that of the robot's."""
+        for limb in limbs - self._followers.keys():
+            own = self._all[limb]
+            lengths = self._lengths[hands.SIDES.index(own.side)]
+            self._followers[limb] = Follower(own, lengths, self._palms[limb], self._options)
+        self._followers = {limb: self._followers[limb] for limb in self._all if limb in self._followers}
 
     def sides(self) -> list[int]:
         """Hands that drive the robot."""
-        return [hands.SIDES.index(own.side) for own in self._own.values()]
-
-
-def drives(own: Mapping[str, Matched], message: Message) -> set[str]:
-    """Limbs whose hand moves the robot in a message."""
-    closed = (message.tracking > LOST) & message.clutch
-    return {limb for limb, each in own.items() if closed[hands.SIDES.index(each.side)]}
+        return [hands.SIDES.index(each.own.side) for each in self._followers.values()]

@@ -20,6 +20,8 @@ BASE = "base"
 """Frame of streams whose poses are in the robot's base."""
 BENT_M = 0.015
 """Mean bend of the fingers from which on a message tells a left hand from a right one [m]; see `hands.curl`."""
+STRETCH = 2.0
+"""How much longer than the last one the time between two messages may seem to the filter of the fingers."""
 DOUBT = 0.8
 """Share of such messages that must say that a hand is mirrored."""
 
@@ -108,14 +110,24 @@ class Follower:
         lengths_m: (5,) lengths of the operator's fingers [m].
         palm: T_base_palm (4, 4) at the first message.
         options: Constants, with a heading.
+
+    Raises:
+        RuleError: The lengths are not known.
     """
 
     def __init__(self, own: Matched, lengths_m: np.ndarray, palm: np.ndarray, options: Retargeting) -> None:
+        if not np.isfinite(lengths_m).all():
+            raise RuleError(
+                f"the lengths of the fingers of the operator's {own.side} hand are not known",
+                code="DXB-B539",
+                facts={"limb": own.limb, "lengths [m]": ", ".join(f"{each:.3f}" for each in lengths_m)},
+                hint="hold the hand open before a take, or leave its lengths out of the recording",
+            )
         self.own = own
         self._hand, self._palm = Fingers(own, lengths_m, options), Palm(palm, options)
         self.fingers = own.straight
         """Positions (H,) of the hand's motors at the last message [rad]."""
-        self._since: float | None = None
+        self._stamp, self._period = np.nan, np.inf
 
     @property
     def scale(self) -> float:
@@ -134,19 +146,31 @@ class Follower:
             tracked: Whether the hand is seen.
             clutch: Whether it moves the robot.
         """
-        wrist = None
+        wrist, seconds = None, self._seconds(stamp)
         if tracked:
             points = points.astype(np.float64)
-            self.fingers = self._hand.next(points, stamp - (stamp if self._since is None else self._since))
-            self._since = stamp
+            self.fingers = self._hand.next(points, seconds)
             if clutch:
                 wrist = transforms.rigid(
                     quaternions.to_matrix(turn.astype(np.float64)), self._hand.beside.origin(points)
                 )
         return self._palm.next(wrist)
 
+    def _seconds(self, stamp: float) -> float:
+        """Time [s] since the last message, which has perhaps lost the hand, for the filter of the fingers.
 
-def follow(own: Matched, stream: HandStream, palm: np.ndarray, options: Retargeting) -> Targets:
+        The filter passes at once what comes after a long time. Fingers that bent while nobody saw them would jump, so
+        at most twice the last such time counts.
+        """
+        if np.isnan(self._stamp):
+            self._stamp = stamp
+            return 0.0
+        gap, self._stamp = stamp - self._stamp, stamp
+        self._period = min(gap, STRETCH * self._period)
+        return self._period
+
+
+def follow(own: Matched, stream: HandStream, palm: np.ndarray, options: Retargeting, first: int = 0) -> Targets:
     """Targets of one limb; those of a message depend on it and on earlier ones, and on the size of the hand.
 
     Args:
@@ -154,9 +178,10 @@ def follow(own: Matched, stream: HandStream, palm: np.ndarray, options: Retarget
         stream: The operator's hands; the lengths of the fingers are those of its first take, or else medians.
         palm: T_base_palm (4, 4) at the first message.
         options: Constants, with a heading.
+        first: The first message that counts; until then the limb stays where it is.
 
     Raises:
-        RuleError: The hand is never seen or is mirrored.
+        RuleError: The hand is never seen or is mirrored, or the stream states lengths that are none.
     """
     hand = hands.SIDES.index(own.side)
     points, tracked = stream.positions[:, hand], stream.tracking[:, hand] > LOST
@@ -171,15 +196,15 @@ def follow(own: Matched, stream: HandStream, palm: np.ndarray, options: Retarget
     known = stream.takes[0].finger_lengths_m[hand] if stream.takes else None
     lengths = np.array(known) if known else measured(points.astype(np.float64), tracked)
     follower = Follower(own, lengths, palm, options)
-    fingers, palms, held = np.tile(own.straight, (len(points), 1)), np.zeros((len(points), 4, 4)), []
-    for number, stamp in enumerate(stream.stamps):
-        palms[number], still = follower.next(
+    count = len(points)
+    fingers, palms, held = np.tile(own.straight, (count, 1)), np.tile(palm, (count, 1, 1)), np.ones(count, bool)
+    for number in range(first, count):
+        palms[number], held[number] = follower.next(
             points[number],
             stream.rotations[number, hand, hands.WRIST],
-            float(stamp),
+            float(stream.stamps[number]),
             tracked=bool(tracked[number]),
             clutch=bool(stream.clutch[number, hand]),
         )
         fingers[number] = follower.fingers
-        held.append(still)
-    return Targets(own.side, palms, fingers, np.array(held), follower.scale)
+    return Targets(own.side, palms, fingers, held, follower.scale)

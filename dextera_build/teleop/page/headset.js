@@ -14,6 +14,7 @@ export class Headset {
     Object.assign(this, { renderer, scene, upright, twin, link, wish });
     this.active = false;
     this.placed = null;
+    this.turn = null; // from the axes of the base to those of the room
     this.pressed = 0;
     this.lastBoard = 0;
     this.joints = new Float32Array(350);
@@ -58,6 +59,10 @@ export class Headset {
   }
 
   async enter() {
+    try { await this.begin(); } catch (error) { this.link.onWord(`the headset refused: ${error.message}`, true); }
+  }
+
+  async begin() {
     const wanted = { requiredFeatures: ["local-floor"], optionalFeatures: ["hand-tracking"] };
     const session = await navigator.xr.requestSession("immersive-vr", wanted);
     this.renderer.xr.enabled = true;
@@ -78,6 +83,8 @@ export class Headset {
     this.upright.rotation.set(-Math.PI / 2, 0, 0);
     this.upright.position.set(0, 0, 0);
     this.upright.updateMatrix();
+    for (const hand of this.twin.hands) hand.group.position.set(0, 0, 0);
+    this.turn = null;
   }
 
   step(frame, found, facts) {
@@ -108,6 +115,7 @@ export class Headset {
       pinch[hand] = Math.min(1, Math.max(0, (0.06 - apart(THUMB, INDEX)) / 0.045));
       this.touch(this.tip(hand, INDEX));
     }
+    if (this.turn) for (const hand of [0, 1]) this.draw(hand, tracking[hand]);
     this.link.hands({ joints: this.joints, tracking, clutch, pinch, head });
   }
 
@@ -122,6 +130,13 @@ export class Headset {
       place += 7;
     }
     return place === at + 175 ? state : 0;
+  }
+
+  // Hands are drawn where they are in this picture: the session's states are older, and fewer.
+  draw(hand, tracked) {
+    const back = this.turn.clone().transpose(), own = new Float32Array(75).fill(NaN);
+    for (let joint = 0; tracked && joint < 25; joint += 1) this.tip(hand, joint).applyMatrix4(back).toArray(own, 3 * joint);
+    this.twin.drawHand(this.twin.hands[hand], own, 0);
   }
 
   tip(hand, joint) { return new THREE.Vector3().fromArray(this.joints, 175 * hand + 7 * joint); }
@@ -154,6 +169,10 @@ export class Headset {
     const shift = eye.clone().add(ahead).sub(middle);
     shift.y -= BELOW;
     const base = new THREE.Matrix4().makeTranslation(shift).multiply(turn);
+    // The operator's hands stay where they are in the room, and are not shifted with the robot.
+    this.turn = turn;
+    const back = shift.clone().negate().applyMatrix4(turn.clone().transpose());
+    for (const hand of this.twin.hands) hand.group.position.copy(back);
     this.upright.matrixAutoUpdate = false;
     this.upright.matrix.copy(base.multiply(this.twin.base.matrix.clone().invert()));
     this.upright.matrixWorldNeedsUpdate = true;

@@ -73,7 +73,9 @@ function onState(facts, numbers) {
   if (!latest && facts.camera) {
     for (const name of ["keys", "touch", "headset"]) document.getElementById(name).style.display = "none";
   }
-  if (facts.phase !== phase) { keys.reset(); phase = facts.phase; }
+  // A take is relative to where the hands were at its beginning: to move them then would move the robot.
+  if (facts.phase !== phase && facts.phase === "ready") keys.reset();
+  phase = facts.phase;
   latest = facts;
 }
 

@@ -18,6 +18,7 @@ export function words(facts, link, note) {
   if (note) told = note;
   const hand = (side) => {
     if (!facts.tracked[side]) return ["not seen", "bad"];
+    if (facts.measured[side] < 1) return ["not measured, moves nothing", "bad"];
     return facts.clutch[side] ? ["moves the robot", "good"] : ["clutch open", ""];
   };
   return {

@@ -10,6 +10,8 @@ from dextera_build.rule import Context
 
 LOST_SHARE = 0.1
 """Share of the messages between its first and last pose in which a hand may be lost."""
+UNUSED_SHARE = 0.02
+"""Share of a hand's messages that may be left out, because clocks are not even."""
 STRETCH = 0.05
 """Standard deviation of a bone's length, as a fraction of it."""
 TURNED = np.deg2rad(60)
@@ -32,6 +34,17 @@ def of_clock(ctx: Context, stream: HandStream, slowest_hz: float, gap_s: float) 
             f"nothing was recorded for more than {1000 * gap_s:.0f} ms {_times(len(gaps))}, the longest "
             f"{steps.max():.2f} s, the first after {first:.2f} s: a robot holds meanwhile; use a wired connection"
         )
+
+
+def of_use(ctx: Context, stream: HandStream, unused: tuple[int, int]) -> None:
+    """Warn of messages of a hand that fit no time of the other hand's, `unused` of left and right."""
+    for hand, side in enumerate(hands.SIDES):
+        count = int((stream.tracking[:, hand] > LOST).sum()) + unused[hand]
+        if unused[hand] > UNUSED_SHARE * count:
+            ctx.warn(
+                f"{unused[hand]:,} of {count:,} messages of the {side} hand lie between those of the other "
+                "hand and are left out: record both hands at one rate, or one hand alone"
+            )
 
 
 def of_motion(ctx: Context, stream: HandStream, jump_m: float, jump_rad: float) -> None:

@@ -60,7 +60,8 @@ def hands(ctx: Context, stream: Stream, *, options: HandsOptions | None = None) 
     """
     options = options or HandsOptions()
     topics = hand_stream.Topics(options.left, options.right, options.head, options.inputs)
-    found = hand_stream.of(stream, topics, unit_m=options.unit_m)
+    found, unused = hand_stream.read(stream, topics, unit_m=options.unit_m)
+    hand_doubts.of_use(ctx, found, unused)
     if options.mirror != "none":
         found = without_mirror(found, options.mirror)
     if options.swap:

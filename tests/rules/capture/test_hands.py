@@ -13,6 +13,8 @@ import pytest
 from dextera_build.artifacts.robots.hand_stream import HandStream
 from dextera_build.errors import RuleError
 from dextera_build.formats import mcap
+from dextera_build.formats.ros import messages
+from dextera_build.formats.ros.recording import Recording
 from dextera_build.geometry import human_hand, quaternions
 from dextera_build.testing import RuleRunner
 from tests.hand_streams import AHEAD, stream, with_buttons
@@ -204,6 +206,22 @@ def test_a_low_rate_and_gaps_are_doubted(tmp_path: Path) -> None:
     (said,) = warnings(tmp_path, changed(made, stamps=late))
     assert "more than 100 ms once, the longest 0.51 s, the first after 0.68 s" in said
     assert warnings(tmp_path, changed(made, stamps=late), gap_s=0.6) == []
+
+
+def test_messages_that_are_left_out_are_told(tmp_path: Path) -> None:
+    """The right hand has three times the rate of the left one for a while, and leaves before it."""
+    made = stream(100)
+    with (tmp_path / "a.mcap").open("wb") as out, Recording(out) as recording:
+        for row, part in np.ndindex(100, 3):
+            time = round(1e9 * float(made.stamps[row])) + part * round(1e9 / 216)
+            for hand, topic in enumerate(("/hands/left", "/hands/right")):
+                if (part == 0 or (hand and 40 <= row < 52)) and not (hand and row >= 64):
+                    poses = np.concatenate([made.positions[row, hand], made.rotations[row, hand]], axis=1)
+                    sent = messages.pose_array(time, "odom", poses)
+                    recording.send(topic, "geometry_msgs/PoseArray", time, sent)
+    runner().run("capture.hands", stream=mcap.load(tmp_path / "a.mcap"), options={"head": ""})
+    (said,) = runner().outcome.warnings
+    assert said.startswith("24 of 88 messages of the right hand lie between those of the other hand")
 
 
 def test_jumps_and_losses_are_doubted(tmp_path: Path) -> None:

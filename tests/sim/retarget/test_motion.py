@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.robots.hand_stream import LOST, TRACKED, HandStream
+from dextera_build.artifacts.robots.hand_stream import LOST, TRACKED, HandStream, Take
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.errors import RuleError
-from dextera_build.geometry import hands, lie, quaternions, transforms
+from dextera_build.geometry import hands, human_hand, lie, quaternions, transforms
 from dextera_build.sim.control.operator import Aim, Command, PoseControl
 from dextera_build.sim.model.forward import Kinematics
 from dextera_build.sim.retarget.fingers import Fingers
 from dextera_build.sim.retarget.matching import matched
-from dextera_build.sim.retarget.motion import check_side, retarget
+from dextera_build.sim.retarget.motion import Follower, check_side, retarget
 from dextera_build.sim.retarget.options import Retargeting
 from tests.hand_motions import motion
 from tests.hand_streams import stream
@@ -85,6 +85,35 @@ def test_a_lost_hand_holds_and_goes_on_from_there(leap: RobotModel) -> None:
     assert np.isfinite(found.fingers).all()
     speeds = np.linalg.norm(np.diff(found.palms[:, :3, 3], axis=0), axis=1)
     assert speeds[59:63].max() < 0.01
+
+
+@pytest.mark.medium
+@pytest.mark.parametrize("rate_hz", [30.0, 72.0])
+def test_fingers_that_bent_while_they_were_lost_or_unheard_are_followed_smoothly(
+    leap: RobotModel, rate_hz: float
+) -> None:
+    """As fast as after a posture that changes between two messages; the filter forgets nothing meanwhile."""
+    sudden, unseen, unheard = (largest_step(leap, rate_hz, what) for what in ("seen", "lost", "silent"))
+    assert unseen == pytest.approx(sudden, rel=0.01)  # the solver begins elsewhere, and stops near its minimum
+    assert sudden < unheard < 2 * sudden
+
+
+def largest_step(robot: RobotModel, rate_hz: float, what: str) -> float:
+    """Largest change of a finger's target by one message, of a hand that closes while nobody sees it for 0.3 s."""
+    own, follower = matched(robot, "arm"), None
+    bent = human_hand.open_angles() + np.deg2rad([[0, 10, 10, 10], *[[0, 40, 40, 30]] * 4])
+    last, most = None, 0.0
+    for row in range(round(rate_hz)):
+        away = 0.5 < row / rate_hz < 0.8
+        if away and what == "silent":
+            continue
+        points, turns = human_hand.Hand().joints(bent if row / rate_hz > 0.65 else human_hand.open_angles(), "right")
+        follower = follower or Follower(own, hands.finger_lengths(points), np.eye(4), Retargeting(heading_rad=0.0))
+        wrist = quaternions.from_matrices(turns)[hands.WRIST]
+        follower.next(points, wrist, row / rate_hz, tracked=not (away and what == "lost"), clutch=True)
+        most = max(most, 0.0 if last is None else float(np.abs(follower.fingers - last).max()))
+        last = follower.fingers.copy()
+    return most
 
 
 def test_the_same_recording_gives_the_same_targets(revo: RobotModel) -> None:
@@ -183,6 +212,13 @@ def test_a_hand_that_is_never_seen_is_refused(leap: RobotModel) -> None:
     assert caught.value.code == "DXB-B525"
     assert caught.value.facts == {"messages": "20"}
     assert "`hands: {arm: {side: ...}}`" in caught.value.hint
+
+
+def test_lengths_that_are_no_numbers_are_refused(leap: RobotModel) -> None:
+    made = stream(20, takes=(Take(first=0, last=20, finger_lengths_m=(None, (0.05, np.nan, 0.09, 0.08, 0.07))),))
+    with pytest.raises(RuleError, match="the lengths of the fingers of the operator's right hand are not") as caught:
+        retarget(leap, made)
+    assert caught.value.code == "DXB-B539"
 
 
 @pytest.mark.parametrize("side", hands.SIDES)
