@@ -57,6 +57,8 @@ class Layout:
     """Terms that do not come with dxb."""
     world: WorldKind = "twin"
     """Kind of the world."""
+    worlds: tuple[str, ...] = WORLDS
+    """Components of `WORLD`."""
 
     @property
     def seen(self) -> tuple[str, ...]:
@@ -69,7 +71,7 @@ class Layout:
     def names(self, channel: str) -> tuple[str, ...] | None:
         """Names of the rows of a channel of numbers that policies may see, or None for another channel."""
         if channel == WORLD:
-            return WORLDS
+            return self.worlds
         declared = self.channel(channel)
         return None if declared is None else self._rows(declared)
 

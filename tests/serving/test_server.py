@@ -13,8 +13,8 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from dextera_build.artifacts.tasks.policy import Checkpoint
-from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.artifacts.tasks.policy import Channel, Checkpoint
+from dextera_build.artifacts.tasks.task import TaskBundle, WorldKind
 from dextera_build.errors import RuleError
 from dextera_build.policy.features import Fields
 from dextera_build.policy.observation import deployable
@@ -79,6 +79,28 @@ def test_a_policy_of_pictures_is_served(tmp_path: Path) -> None:
         far = policies.load(found, BUNDLE, view)
         seen = policies.observation(rgb=picture)
         np.testing.assert_array_equal(far.act(seen), local.act(seen))
+
+
+@pytest.mark.parametrize(
+    ("kind", "names"),
+    [
+        ("twin", ("twin", "reference")),
+        ("real", ("twin", "real")),
+        ("reference", ("reference",)),
+        ("perturbed", ("perturbed", "twin")),
+    ],
+)
+def test_a_policy_that_is_told_its_world_is_served(kind: WorldKind, names: tuple[str, ...], tmp_path: Path) -> None:
+    bundle = BUNDLE.model_copy(update={"kind": kind})
+    told = Channel(name="world", shape=(len(names),), names=names)
+    contract = policies.contract(bundle, **SETTINGS)
+    made = policies.checkpoint(contract.model_copy(update={"inputs": (*contract.inputs, told)}))
+    with servers.running(servers.served(made, bundle)) as address:
+        found = RuleRunner(tmp_path).run("learn.served", bundle=bundle, options={"address": address})
+        far, local = policies.load(found, bundle), policies.load(made, bundle)
+        for step in range(3):
+            seen = policies.observation(step)
+            np.testing.assert_array_equal(far.act(seen), local.act(seen))
 
 
 @pytest.mark.medium
