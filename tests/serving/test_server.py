@@ -67,6 +67,21 @@ def test_a_served_policy_acts_as_the_local_one(trained: Checkpoint, tmp_path: Pa
                 np.testing.assert_array_equal(far.act(seen), local.act(seen))
 
 
+def test_a_served_diffusion_policy_draws_the_noise_of_the_local_one(tmp_path: Path) -> None:
+    network = {"network": "unet", "horizon": 8, "width": 16, "levels": 2, "layers": 1, "heads": 1, "located": 0}
+    settings = {"history": 2, "every": 4, "noise_levels": 20, "denoisings": 2, "seed": 0}
+    made = policies.checkpoint(policies.contract(BUNDLE, algorithm="diffusion", **network, **settings))
+    local = policies.load(made, BUNDLE)
+    with servers.running(servers.served(made, BUNDLE)) as address:
+        far = behind(address, tmp_path)
+        for _ in range(2):
+            local.reset()
+            far.reset()
+            for step in range(10):
+                seen = policies.observation(step)
+                np.testing.assert_array_equal(far.act(seen), local.act(seen))
+
+
 def test_a_policy_of_pictures_is_served(tmp_path: Path) -> None:
     view = episodes.view()
     made = policies.checkpoint(policies.contract(BUNDLE, ("joints", "rgb"), view))
