@@ -12,6 +12,7 @@ import pytest
 from pydantic import ValidationError
 
 from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.tasks.episode import Start
 from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.artifacts.tasks.task import Reset, TaskBundle
 from dextera_build.errors import RuleError
@@ -20,7 +21,9 @@ from dextera_build.rule import Context
 from dextera_build.sim.control.steering import Steering
 from dextera_build.sim.primitives.handover.primitive import HandoverGoal
 from dextera_build.sim.primitives.lift.primitive import LiftGoal
+from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
+from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.sim.training.practice import Practices
 from dextera_build.testing import RuleRunner
 from tests import episodes, factories, openarm_tasks, task_bundles
@@ -103,6 +106,28 @@ def test_the_same_bundle_gives_the_same_bytes(tmp_path: Path) -> None:
     np.random.seed(6)
     assert same(learn(tmp_path), first)
     assert not same(learn(tmp_path, seed=1), first)
+
+
+@pytest.mark.medium
+def test_a_start_that_cannot_be_drawn_is_replaced_alike_after_an_interruption(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lost, draw = {seed_of(0, 1, 0), seed_of(0, 1, 0) + 1, seed_of(0, 0, 1)}, starts.draw
+
+    def drawn(bundle: TaskBundle, model: Any, data: Any, changed: Any, seed: int, *more: Any, **named: Any) -> Start:
+        if seed in lost:
+            raise RuleError("no start without collisions was found", code="DXB-B211")
+        return draw(bundle, model, data, changed, seed, *more, **named)
+
+    monkeypatch.setattr(starts, "draw", drawn)
+    whole, lines = interrupted(tmp_path / "whole", None, monkeypatch)
+    assert whole
+    assert [line.split(":")[0] for line in lines] == ["world 1, episode 0", "world 0, episode 1"]
+    nothing, _ = interrupted(tmp_path / "cut", 90, monkeypatch)
+    assert nothing is None
+    rest, _ = interrupted(tmp_path / "cut", None, monkeypatch)
+    assert rest
+    assert same(rest, whole)
 
 
 def test_a_training_leaves_global_generators_as_they_were(tmp_path: Path) -> None:
