@@ -19,9 +19,9 @@ from dextera_build.policy.terms import Sensor
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.observe import pictures
 from dextera_build.sim.observe.sensors import Sensors
+from dextera_build.sim.runtime.drawable import drawable
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.policies import load
-from dextera_build.sim.runtime.seeds import drawable
 from dextera_build.sim.training.teaching import Teacher, lesson
 
 if TYPE_CHECKING:

@@ -29,10 +29,10 @@ from dextera_build.sim.observe.sensors import Sensors
 from dextera_build.sim.observe.sensors import check as check_sensors
 from dextera_build.sim.render import portrait, rendering
 from dextera_build.sim.runtime import variations
+from dextera_build.sim.runtime.drawable import drawable
 from dextera_build.sim.runtime.environment import Environment, Outcome
 from dextera_build.sim.runtime.privileged import Simulated
 from dextera_build.sim.runtime.privileged import privileged as privileged_of
-from dextera_build.sim.runtime.seeds import drawable
 from dextera_build.sim.runtime.strata import Stratum
 from dextera_build.sim.training.spaces import of_terms, values
 

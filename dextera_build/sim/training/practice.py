@@ -15,8 +15,9 @@ from dextera_build.policy.features import Fields, Reader
 from dextera_build.policy.layout import of_bundle
 from dextera_build.sim.control.steering import Steering
 from dextera_build.sim.model.model import untextured
+from dextera_build.sim.runtime.drawable import drawable
 from dextera_build.sim.runtime.environment import Outcome
-from dextera_build.sim.runtime.seeds import drawable, seed_of
+from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.sim.training.gym import DEPLOYABLE, PRIVILEGED
 from dextera_build.sim.training.insight import insight
 from dextera_build.sim.training.task_worlds import Observations, Steps, TaskWorlds
