@@ -61,6 +61,7 @@ def contract(
         rate_hz=here.rate_hz,
         dataset="0" * 64,
         settings={"chunk": 4, "width": 16, "heads": 2, "latent": 2} | settings,
+        views={name: shown.view for name, shown in here.cameras.items() if shown.view is not None},
     )
 
 
