@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from dextera_build.artifacts import base
 from dextera_build.artifacts.tasks.policy import Channel, Encoding, ViewSpec
@@ -33,7 +33,7 @@ class Shown:
     """Width of a frame [px]."""
     depth: bool = True
     """Whether it also gives depth, and with it points."""
-    view: ViewSpec | None = None
+    view: ViewSpec | None = field(default=None, compare=False)
     """Its lens and place; None: not stated."""
 
     @property
