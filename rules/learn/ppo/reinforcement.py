@@ -17,6 +17,7 @@ from dextera_build.policy import contract as contracts
 from dextera_build.policy import features
 from dextera_build.policy.layout import of_bundle
 from dextera_build.sim.primitives import catalogue
+from dextera_build.sim.primitives.poses import PoseGoal
 from dextera_build.sim.training import insight
 
 if TYPE_CHECKING:
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 
 JOINT_RAD = 0.5
 """Scale of joint positions and targets [rad]."""
+TURNED_RAD = 0.3
+"""Rotation of a palm per decision where the object must be turned [rad]."""
 PLACE_M, TURN = 0.05, 0.3
 """Scale of object positions [m] and of the columns of their rotations."""
 
@@ -59,7 +62,8 @@ def contract_of(
     ]
     palms = len(limbs) if options.control == "palm" else 0
     closing = _closing(bundle, options)
-    decisions = palms * (6 if options.turn_rad else 3) + len(closing) + len(single)
+    turn_rad = _turn_rad(bundle, options)
+    decisions = palms * (6 if turn_rad else 3) + len(closing) + len(single)
     return PolicyContract(
         algorithm="ppo",
         task=bundle.task.name,
@@ -81,7 +85,7 @@ def contract_of(
             "width": options.width,
             "layers": options.layers,
             **({"grip": " ".join(closing)} if closing else {}),
-            **({"turn_rad": options.turn_rad} if options.turn_rad else {}),
+            **({"turn_rad": turn_rad} if turn_rad else {}),
             **({contracts.PRIVILEGED: insight.size(layout, len(limbs))} if options.privileged else {}),
             **(_turned(grips[0], heading_rad, options.lean_rad) if grips[0] and heading_rad is not None else {}),
         },
@@ -102,6 +106,15 @@ def grip_of(bundle: TaskBundle, limb: str, name: str | None) -> Grip | None:
         return grips[name]
     wanted = catalogue.kind(bundle.task.primitive).against
     return next((grip for grip in grips.values() if grip.against in wanted), None)
+
+
+def _turn_rad(bundle: TaskBundle, options: PpoOptions) -> float:
+    """How far a decision turns a palm [rad]; 0: not at all."""
+    if options.turn_rad is not None:
+        return options.turn_rad
+    primitive = catalogue.of(bundle.task, bundle.objects)
+    goal, carries = primitive.goal, primitive.carries
+    return TURNED_RAD if carries and isinstance(goal, PoseGoal) and goal.quaternion is not None else 0.0
 
 
 def _closing(bundle: TaskBundle, options: PpoOptions) -> list[str]:

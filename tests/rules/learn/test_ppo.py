@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.tasks.episode import Start
+from dextera_build.artifacts.tasks.goals import Goal
 from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.artifacts.tasks.task import Reset, TaskBundle
 from dextera_build.errors import RuleError
@@ -21,6 +22,8 @@ from dextera_build.rule import Context
 from dextera_build.sim.control.steering import Steering
 from dextera_build.sim.primitives.handover.primitive import HandoverGoal
 from dextera_build.sim.primitives.lift.primitive import LiftGoal
+from dextera_build.sim.primitives.pick_and_reorient.primitive import ReorientGoal
+from dextera_build.sim.primitives.poses import Tolerance
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.seeds import seed_of
@@ -220,6 +223,23 @@ def test_both_hands_of_a_task_are_moved(tmp_path: Path) -> None:
     assert moved & {*right.arm}
     assert moved & {*left.hand}
     assert not moved & {*right.hand}
+
+
+def test_a_palm_turns_if_the_goal_names_an_orientation_of_what_it_carries(tmp_path: Path) -> None:
+    tolerance = Tolerance(position_m=0.04, rotation_rad=0.3)
+    placed = ReorientGoal(place_m=(0.0, 0.0, 0.2), tolerance=tolerance)
+    turned = placed.model_copy(update={"quaternion": (0.7071068, 0.0, 0.0, -0.7071068)})
+
+    def settings(goal: Goal, **options: float) -> dict[str, Any]:
+        lift = task_bundles.lift()
+        bundle = lift.model_copy(update={"task": lift.task.model_copy(update={"goal": goal})})
+        return learn(tmp_path, "stub", bundle, **options).contract.settings
+
+    assert settings(turned)["turn_rad"] == 0.3
+    assert settings(turned)["decisions"] == settings(placed)["decisions"] + 3
+    assert "turn_rad" not in settings(placed)
+    assert "turn_rad" not in settings(turned, turn_rad=0.0)
+    assert settings(placed, turn_rad=0.1)["turn_rad"] == 0.1
 
 
 @pytest.mark.medium
