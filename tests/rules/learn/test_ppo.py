@@ -28,6 +28,7 @@ from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.sim.training.practice import Practices
+from dextera_build.sim.training.teaching import Teacher
 from dextera_build.testing import RuleRunner
 from tests import episodes, factories, openarm_tasks, task_bundles
 from tests.policy.policies import load, runner
@@ -303,6 +304,39 @@ def test_a_policy_acts_as_it_practised(tmp_path: Path) -> None:
         environment.step(policy.act(environment.observe()))
         acted.append(environment.observe()["previous_action"])
     assert np.array_equal(acted[3::4], practised)
+
+
+@pytest.mark.medium
+def test_a_teacher_acts_as_it_practised(tmp_path: Path) -> None:
+    """One decision for four control periods, bit for bit; where a student acts, each period has a decision anew."""
+    import torch
+
+    made = learn(tmp_path, privileged=True)
+    practice = Practices(BUNDLE, made.contract)
+    ppo = runner("ppo").network
+    network = ppo.of_contract(made.contract)
+    weights.fill(network, weights.from_bytes(made.weights))
+    seen, practised = practice.reset(), []
+    for _ in range(6):
+        with torch.inference_mode():
+            decision = ppo.decide(network, seen[:, : practice.public])
+        seen = practice.step([decision]).numbers
+        practised.append(practice.seen["deployable/previous_action"][0])
+    environment = Environment(BUNDLE)
+    teacher = Teacher(runner("ppo"), made, environment)
+    start = practice.worlds.environments[0].start
+    environment.begin(start)
+    acted = []
+    for _ in range(6 * 4):
+        environment.step(teacher.targets(acted=True))
+        acted.append(environment.observe()["previous_action"])
+    assert np.array_equal(acted[3::4], practised)
+    environment.begin(start)
+    first = teacher.targets(acted=True)
+    environment.step(environment.previous_action)
+    fresh = teacher.targets(acted=False)
+    assert np.array_equal(fresh, Teacher(runner("ppo"), made, environment).targets(acted=True))
+    assert not np.array_equal(fresh, first)
 
 
 @pytest.mark.medium
