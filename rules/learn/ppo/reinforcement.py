@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,12 +32,17 @@ PLACE_M, TURN = 0.05, 0.3
 
 
 def contract_of(
-    bundle: TaskBundle, options: PpoOptions, heading_rad: float | None = None, terms: Collection[TermSpec] = ()
+    bundle: TaskBundle,
+    limbs: tuple[str, ...],
+    options: PpoOptions,
+    heading_rad: float | None = None,
+    terms: Collection[TermSpec] = (),
 ) -> PolicyContract:
     """Inputs and outputs of a policy trained with these options.
 
     Args:
         bundle: The task.
+        limbs: The limbs that the policy moves.
         options: The rule's options.
         heading_rad: Direction of the palm about the vertical, in the base [rad]; None: as at home.
         terms: Terms of observations that do not come with dxb.
@@ -47,7 +52,7 @@ def contract_of(
     joints = tuple(joint for name in names for joint in bundle.objects[name].joints)
     kept: dict[str, tuple[str, ...] | None] = {"objects": names, "displacement": joints}
     inputs = [contracts.channel(layout, name, kept.get(name)) for name in options.inputs]
-    robot, limbs = bundle.robot, limbs_of(bundle)
+    robot = bundle.robot
     grips = [grip_of(bundle, limb, options.grip) for limb in limbs]
     elsewhere = {name for other in robot.limbs.values() for name in (*other.arm, *other.hand)}
     elsewhere -= {name for limb in limbs for name in (*robot.limbs[limb].arm, *robot.limbs[limb].hand)}
@@ -61,7 +66,7 @@ def contract_of(
         and joint.name not in elsewhere
     ]
     palms = len(limbs) if options.control == "palm" else 0
-    closing = _closing(bundle, options)
+    closing = _closing(bundle, limbs, options)
     turn_rad = _turn_rad(bundle, options)
     decisions = palms * (6 if turn_rad else 3) + len(closing) + len(single)
     return PolicyContract(
@@ -92,10 +97,15 @@ def contract_of(
     )
 
 
-def limbs_of(bundle: TaskBundle) -> tuple[str, ...]:
-    """The limbs that the policy moves: those that carry the object by the task or its roles, otherwise one."""
+def limbs_of(bundle: TaskBundle, nearest: Callable[[], str]) -> tuple[str, ...]:
+    """The limbs that the policy moves: those that carry the object by the task or its roles, otherwise one.
+
+    Args:
+        bundle: The task.
+        nearest: Gives the limb whose palm is nearest to the object, which acts if none is named.
+    """
     primitive = catalogue.of(bundle.task, bundle.objects)
-    named = bundle.task.limbs or primitive.ordered() or bundle.robot.limb_names[:1]
+    named = bundle.task.limbs or primitive.ordered() or (nearest(),)
     return named if primitive.carries else named[:1]
 
 
@@ -117,16 +127,16 @@ def _turn_rad(bundle: TaskBundle, options: PpoOptions) -> float:
     return TURNED_RAD if carries and isinstance(goal, PoseGoal) and goal.quaternion is not None else 0.0
 
 
-def _closing(bundle: TaskBundle, options: PpoOptions) -> list[str]:
+def _closing(bundle: TaskBundle, limbs: tuple[str, ...], options: PpoOptions) -> list[str]:
     """The grip that a decision closes, for each limb; none if fingers stay open or are moved one by one."""
     carries = catalogue.kind(bundle.task.primitive).carries
     if "hand" in options.groups or not (carries if options.closes is None else options.closes):
         return []
     found = []
-    for name in limbs_of(bundle):
+    for name in limbs:
         grip, grips = grip_of(bundle, name, options.grip), bundle.robot.limbs[name].grips
         found += [label for label, each in grips.items() if each is grip and each.closed]
-    return found if len(found) == len(limbs_of(bundle)) else []
+    return found if len(found) == len(limbs) else []
 
 
 def _turned(grip: Grip, heading_rad: float, lean_rad: float) -> dict[str, float]:

@@ -226,6 +226,19 @@ def test_both_hands_of_a_task_are_moved(tmp_path: Path) -> None:
     assert not moved & {*right.hand}
 
 
+@pytest.mark.medium
+def test_of_limbs_that_no_task_names_the_nearest_one_is_moved(tmp_path: Path) -> None:
+    """The base faces along x of the world, so that the left arm is at greater y."""
+    robot = robot_recipes.built("openarm_revo1", tmp_path)
+    found = []
+    for y in (0.2, -0.2):
+        box = factories.box_asset(factories.pose(0.0, y), size=(0.05, 0.05, 0.12), mass=0.15)
+        bundle = openarm_tasks.bundle(robot, LiftGoal(height_m=0.1), {"box": box}, "box")
+        made = learn(tmp_path, bundle=bundle, steps=2, worlds=2, rollout=1, batch=2, epochs=1)
+        found.append(made.contract.settings["limb"])
+    assert found == ["left", "right"]
+
+
 def test_a_palm_turns_if_the_goal_names_an_orientation_of_what_it_carries(tmp_path: Path) -> None:
     tolerance = Tolerance(position_m=0.04, rotation_rad=0.3)
     placed = ReorientGoal(place_m=(0.0, 0.0, 0.2), tolerance=tolerance)
