@@ -147,7 +147,10 @@ def pearson_interval(r: float, points: int, confidence: float = 0.95) -> tuple[f
 
 
 def mmrv(simulated: Sequence[float], measured: Sequence[float]) -> float | None:
-    """Mean maximum rank violation (Li et al. 2024, SIMPLER): mean_i max_j |R_i - R_j| 1[(S_i < S_j) != (R_i < R_j)].
+    """Mean maximum rank violation (Li et al. 2024, SIMPLER): mean_i max_j |R_i - R_j| 1[(S_i > S_j) != (R_i > R_j)].
+
+    With `>` as in the published code [SimplerEnv: simpler_env/utils/metrics.py]; the formula of the paper has `<`. They
+    differ in ties: here two points that are equal in S and not in R violate the rank of the one with the greater R.
 
     Args:
         simulated: S, rates in the predicting world.
@@ -161,7 +164,7 @@ def mmrv(simulated: Sequence[float], measured: Sequence[float]) -> float | None:
         raise ValueError(f"{len(s)} numbers stand against {len(r)}")
     if len(s) < 2:
         return None
-    violated = (s[:, None] < s[None, :]) != (r[:, None] < r[None, :])
+    violated = (s[:, None] > s[None, :]) != (r[:, None] > r[None, :])
     return float((np.abs(r[:, None] - r[None, :]) * violated).max(axis=1).mean())
 
 

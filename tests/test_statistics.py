@@ -124,7 +124,7 @@ def test_equal_ranks_violate_nothing(values):
 def test_mmrv_is_its_formula(points):
     s, r = zip(*points, strict=True)
     worst = [
-        max(abs(r[i] - r[j]) * ((s[i] < s[j]) != (r[i] < r[j])) for j in range(len(points))) for i in range(len(points))
+        max(abs(r[i] - r[j]) * ((s[i] > s[j]) != (r[i] > r[j])) for j in range(len(points))) for i in range(len(points))
     ]
     assert statistics.mmrv(s, r) == pytest.approx(sum(worst) / len(worst))
 
@@ -132,6 +132,11 @@ def test_mmrv_is_its_formula(points):
 def test_a_swapped_pair_costs_its_distance():
     assert statistics.mmrv([0.2, 0.8], [0.9, 0.4]) == pytest.approx(0.5)
     assert statistics.mmrv([0.5], [0.5]) is None
+
+
+def test_a_tie_violates_the_rank_of_the_better_one_as_in_simplers_code():
+    assert statistics.mmrv([0.5, 0.5, 0.5], [0.0, 0.1, 1.0]) == pytest.approx((0.0 + 0.1 + 1.0) / 3)
+    assert statistics.mmrv([0.2, 0.8], [0.5, 0.5]) == 0.0
 
 
 def test_paired_verdicts_are_counted_start_by_start():

@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -57,8 +58,8 @@ class Chunking(Protocol):
     def reset(self) -> None:
         """Clear state from the previous run."""
 
-    def chunk(self, *observations: DeployableObservation) -> np.ndarray:
-        """Joint targets (C, A) [rad or m] for the step of the last observation and those after it."""
+    def chunk(self, *observations: DeployableObservation, step: int) -> np.ndarray:
+        """Joint targets (C, A) [rad or m] for `step`, that of the last observation, and those after it."""
 
 
 class Submits(Protocol):
@@ -185,7 +186,7 @@ class Ahead:
         return max(1, min(self._every, len(self._chunks[-1].targets) - lead))
 
     def _ask(self) -> None:
-        self._asked = self._worker.submit(self._policy.chunk, *self._unseen)
+        self._asked = self._worker.submit(partial(self._policy.chunk, step=self._step), *self._unseen)
         self._unseen, self._asked_at, self._since = [], self._step, self._now()
 
     def _answer(self) -> np.ndarray:

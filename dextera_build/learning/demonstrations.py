@@ -114,6 +114,7 @@ def prepare(
             rate_hz=first.episodes.rate_hz,
             dataset=_digest(parts),
             settings=dict(settings),
+            views={name: shown.view for name, shown in layout.cameras.items() if shown.view is not None},
         ),
         inputs=features.Reader(channels, layout).read(fields),
         actions=features.normalised(action, actions),

@@ -52,8 +52,8 @@ class ImitationOptions(Options):
     holes: Fraction = 0.0
     """Maximum fraction of the pixels of depth, and of the points of a cloud, that are lost in training."""
     bf16: bool = False
-    """Whether products in training are of bfloat16, which needs less time and memory on a GPU; weights, their average
-    and the optimiser stay float32."""
+    """Whether products in training are of bfloat16, which needs less time and memory on a GPU; weights, their average,
+    the optimiser, and the Gaussians of `learn.bc_rnn` stay float32."""
     snapshot_every: int = Field(0, ge=0)
     """Steps between the snapshots of the weights that the checkpoint holds, for `evaluate.early`; 0: none."""
     held_out: float = Field(0.1, ge=0.0, lt=1.0)

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from dextera_build.artifacts import base
-from dextera_build.artifacts.tasks.policy import Channel, Encoding
+from dextera_build.artifacts.tasks.policy import Channel, Encoding, ViewSpec
 from dextera_build.artifacts.tasks.task import View
 from dextera_build.errors import RuleError
+from dextera_build.geometry import quaternions
 
 PICTURE = "workspace"
 """Name of a single camera."""
@@ -32,6 +33,8 @@ class Shown:
     """Width of a frame [px]."""
     depth: bool = True
     """Whether it also gives depth, and with it points."""
+    view: ViewSpec | None = field(default=None, compare=False)
+    """Its lens and place; None: not stated."""
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -121,4 +124,21 @@ def shown_in(channel: Channel) -> Shown:
 
 def sizes(views: Mapping[str, View]) -> dict[str, Shown]:
     """Camera -> what it gives."""
-    return {name: Shown(view.camera.height, view.camera.width) for name, view in views.items()}
+    return {name: Shown(view.camera.height, view.camera.width, view=stated(view)) for name, view in views.items()}
+
+
+def stated(view: View) -> ViewSpec:
+    """A camera in numbers."""
+    camera, matrix = view.camera, view.camera_pose.matrix
+    sigma_m, sigma_rad = view.camera_pose.sigma() or (0.0, 0.0)
+    x, y, z = matrix[:3, 3].tolist()
+    w, i, j, k = quaternions.from_matrix(matrix[:3, :3]).tolist()
+    return ViewSpec(
+        size_px=(camera.width, camera.height),
+        focal_px=(camera.fx, camera.fy),
+        centre_px=(camera.cx, camera.cy),
+        position_m=(x, y, z),
+        quaternion=(w, i, j, k),
+        sigma_m=sigma_m,
+        sigma_rad=sigma_rad,
+    )

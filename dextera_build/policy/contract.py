@@ -6,11 +6,11 @@ import difflib
 from collections.abc import Iterable, Mapping
 
 from dextera_build.artifacts.tasks.episode import Episodes
-from dextera_build.artifacts.tasks.policy import SEEN, Channel, Encoding, PolicyContract
+from dextera_build.artifacts.tasks.policy import SEEN, Channel, Encoding, PolicyContract, ViewSpec
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.errors import RuleError, listing
-from dextera_build.policy import cameras
+from dextera_build.policy import cameras, viewpoints
 from dextera_build.policy.cameras import PICTURE
 from dextera_build.policy.declared import BY_NAME, DECLARED, HIDDEN, POSE
 from dextera_build.policy.layout import WORLD, Layout, of_bundle, of_episodes
@@ -191,7 +191,7 @@ def differences(contract: PolicyContract, here: Layout) -> dict[str, str]:
     _compare(found, "another rate", f"{contract.rate_hz:g} Hz", f"{here.rate_hz:g} Hz")
     for wanted in contract.inputs:
         if wanted.encoding in SEEN:
-            _compare_view(found, wanted, here)
+            _compare_view(found, wanted, here, contract.views)
         elif wanted.name == WORLD:
             if here.world not in wanted.names:
                 found["another world"] = f"the policy knows {listing(wanted.names)}, the bundle is {here.world}"
@@ -240,7 +240,7 @@ def _compare_channel(found: dict[str, str], wanted: Channel, here: Layout) -> No
         found[f"other `{wanted.name}`"] = f"the bundle has no {listing(lost)}, but {listing(names)}"
 
 
-def _compare_view(found: dict[str, str], wanted: Channel, here: Layout) -> None:
+def _compare_view(found: dict[str, str], wanted: Channel, here: Layout, views: Mapping[str, ViewSpec]) -> None:
     """Compare what a camera gives; only the camera of a policy with several has a name."""
     term, camera = cameras.term_of(wanted.name), cameras.camera_of(wanted.name)
     named = wanted.name != term
@@ -256,6 +256,10 @@ def _compare_view(found: dict[str, str], wanted: Channel, here: Layout) -> None:
         found[what] = f"the policy has {size}, the bundle has {shown.size}"
     elif term not in shown.terms:
         found[f"no `{wanted.name}`"] = f"the camera gives {listing(shown.terms)}"
+    elif camera in views and shown.view is not None:
+        what = f"camera `{camera}`" if named else "the camera"
+        apart = viewpoints.differences(views[camera], shown.view, here.visual)
+        found |= {f"{what} {difference}": both for difference, both in apart.items()}
 
 
 def _listed(names: tuple[str, ...]) -> str:

@@ -57,6 +57,10 @@ class Layout:
     """Terms that do not come with dxb."""
     world: WorldKind = "twin"
     """Kind of the world."""
+    worlds: tuple[str, ...] = WORLDS
+    """Components of `WORLD`."""
+    visual: float = 0.0
+    """Fraction of the errors of cameras' calibrations over which starts are spread, see `Reset.visual`."""
 
     @property
     def seen(self) -> tuple[str, ...]:
@@ -69,7 +73,7 @@ class Layout:
     def names(self, channel: str) -> tuple[str, ...] | None:
         """Names of the rows of a channel of numbers that policies may see, or None for another channel."""
         if channel == WORLD:
-            return WORLDS
+            return self.worlds
         declared = self.channel(channel)
         return None if declared is None else self._rows(declared)
 
@@ -157,12 +161,16 @@ def of_bundle(
         points=points.get(task.object, 0),
         added=_added(terms),
         world=bundle.kind,
+        visual=task.reset.visual,
     )
 
 
 def of_episodes(episodes: Episodes, goal: tuple[str, ...], films: Mapping[str, Film | Pixels] | None = None) -> Layout:
     """The layout of a data set with the films of its cameras; only the task has the components of its goal, `goal`."""
-    shown = {name: Shown(film.height, film.width, bool(film.depth)) for name, film in (films or {}).items()}
+    shown = {
+        name: Shown(film.height, film.width, bool(film.depth), cameras.stated(film.view) if film.view else None)
+        for name, film in (films or {}).items()
+    }
     return Layout(
         task=episodes.task,
         embodiment=episodes.embodiment,

@@ -113,18 +113,22 @@ class Policy:
         self._step += 1
         return np.asarray(np.clip(targets, self._limits[:, 0], self._limits[:, 1]))
 
-    def chunk(self, *observations: DeployableObservation) -> np.ndarray:
+    def chunk(self, *observations: DeployableObservation, step: int | None = None) -> np.ndarray:
         """Joint targets (C, A) float64 [rad], not limited, for a program that carries them out in place of `act`.
 
         Args:
             observations: The present one, after those before it that a policy with a history has not seen yet.
+            step: Number of steps since the start of the episode; None: the program asks again when `act` would, or, if
+                it gives less than the history of a policy, as soon as it has as many observations again.
 
         Raises:
             PolicyFault: An observation or the network's answer is not finite, or the picture has another size.
         """
+        self._step = self._step if step is None else step
         self._seen.extend(self._inputs(each) for each in observations)
         made = self._finite(self._predict(self._recent(), self._step))
-        self._step += 1
+        whole = len(observations) >= self.contract.history
+        self._step += self._ensemble.every if whole else len(observations)
         return made
 
     def _recent(self) -> Fields:

@@ -20,8 +20,8 @@ from dextera_build.policy.observation import DeployableObservation, Frame
 from dextera_build.policy.running import Policy, Runner
 from dextera_build.policy.wire.promise import Input, Promise
 
-_ROWS = ("joints", "objects", "displacement", "goal")
-"""Fields of a layout that a contract may narrow."""
+_ROWS = {name: name for name in ("joints", "objects", "displacement", "goal")} | {WORLD: "worlds"}
+"""Channel -> the field of a layout that a contract may narrow."""
 
 
 class Served:
@@ -177,7 +177,7 @@ def _narrowed(layout: Layout, checkpoint: Checkpoint) -> Layout:
         RuleError: The policy does not fit the task.
     """
     taken = {channel.name: channel for channel in checkpoint.contract.inputs}
-    rows = {name: taken[name].names for name in _ROWS if name in taken and taken[name].names}
+    rows = {field: taken[name].names for name, field in _ROWS.items() if name in taken and taken[name].names}
     looks = checkpoint.contract.seen
     seen = replace(layout, cameras={cameras.camera_of(each.name): cameras.shown_in(each) for each in looks})
     contracts.refuse_teacher(checkpoint.contract)

@@ -61,7 +61,7 @@ def film(
     """
     chosen, view = _chosen(episodes, options.first), _sized(view, options.width_px)
     taken: Iterator[tuple[str, Frame]] = ctx.backend.frames(ctx, bundle, chosen, view, options, ctx.backend_options)
-    return film_of(ctx, chosen, view.camera, taken, options.strip_frames)
+    return film_of(ctx, chosen, view, taken, options.strip_frames)
 
 
 def _chosen(episodes: Episodes, first: int | None) -> Episodes:

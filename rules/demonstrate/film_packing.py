@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.tasks.episode import Episodes, Film
+from dextera_build.artifacts.tasks.task import View
 from dextera_build.policy.features import counts
 from dextera_build.policy.observation import Frame
 from dextera_build.rule import Context
@@ -17,21 +17,21 @@ from .film_strip import strip
 
 
 def film_of(
-    ctx: Context, episodes: Episodes, camera: Camera, taken: Iterator[tuple[str, Frame]], strip_frames: int
+    ctx: Context, episodes: Episodes, view: View, taken: Iterator[tuple[str, Frame]], strip_frames: int
 ) -> Film:
     """The film of all kept episodes, packed as they come.
 
     Args:
         ctx: Its scratch folder holds the frames.
         episodes: The episodes.
-        camera: The camera of the frames.
+        view: The camera of the frames.
         taken: Index of each kept episode, and its frames with a leading axis of T steps.
         strip_frames: Frames in the preview of the first episode.
 
     Raises:
         RuleError: An episode has no frames, or another number than steps.
     """
-    packed, depth = dict[str, Path](), dict[str, Path]()
+    camera, packed, depth = view.camera, dict[str, Path](), dict[str, Path]()
     count = 0
     for index, frame in taken:
         pixels = np.asarray(frame.rgb)
@@ -54,4 +54,4 @@ def film_of(
     plural = "" if len(packed) == 1 else "s"
     size = f"{camera.width} x {camera.height} px" + (" with depth" if depth else "")
     ctx.say(f"{len(packed)} episode{plural}, {count:,} frames of {size}, {megabytes:.1f} MB")
-    return Film.of(packed, camera.width, camera.height, depth, camera if depth else None)
+    return Film.of(packed, camera.width, camera.height, depth, camera if depth else None, view)

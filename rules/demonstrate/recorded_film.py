@@ -62,4 +62,4 @@ def recorded_film(
         hint="film episodes of a twin with `demonstrate.film`",
     )
     taken: Iterator[tuple[str, Frame]] = ctx.backend.frames(ctx, world, episodes, view, options, ctx.backend_options)
-    return film_of(ctx, episodes, view.camera, taken, options.strip_frames)
+    return film_of(ctx, episodes, view, taken, options.strip_frames)

@@ -7,11 +7,10 @@ from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
-from dextera_build.artifacts.tasks.episode import Episode, Start
+from dextera_build.artifacts.tasks.episode import Episode
 from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.artifacts.tasks.term import TermSpec
-from dextera_build.errors import RuleError
 from dextera_build.policy import cameras
 from dextera_build.policy.added import of_specs
 from dextera_build.policy.layout import of_bundle
@@ -20,6 +19,7 @@ from dextera_build.policy.terms import Sensor
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.observe import pictures
 from dextera_build.sim.observe.sensors import Sensors
+from dextera_build.sim.runtime.drawable import drawable
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.policies import load
 from dextera_build.sim.training.teaching import Teacher, lesson
@@ -33,9 +33,6 @@ BACKEND = Backend(
     packages=("mujoco", "torch", "safetensors"),
     extra="learn",
 )
-
-TRIES = 10
-"""Maximum draws of a start."""
 
 
 def teach(
@@ -63,18 +60,9 @@ def teach(
     opened = pictures.live(environment, looking, outputs) if looking else nullcontext()
     with opened as look:
         for seed in seeds:
-            start = _drawn(environment, seed)
+            start = drawable(environment.draw, seed)
             made = lesson(environment, asked, taught, start, sensors, led=common.led, look=look)
             yield made.episode, made.apart_rad
-
-
-def _drawn(environment: Environment, seed: int) -> Start:
-    for further in range(TRIES - 1):
-        try:
-            return environment.draw(seed + further)
-        except RuleError:  # no start without collisions
-            continue
-    return environment.draw(seed + TRIES - 1)
 
 
 def _sensors(options: TeachOptions) -> dict[str, Sensor]:

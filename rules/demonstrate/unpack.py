@@ -30,7 +30,7 @@ def unpack(ctx: Context, film: Film) -> Pixels:
     ctx.metric("size", megabytes, "MB")
     what = f"{film.width} x {film.height} px" + (" with depth" if depth else "")
     ctx.say(f"{len(found)} episodes, {frames:,} pictures of {what}, {megabytes:,.0f} MB")
-    return Pixels(episodes=found, depth=depth, camera=film.camera)
+    return Pixels(episodes=found, depth=depth, camera=film.camera, view=film.view)
 
 
 def _mapped(file: Path, frames: Iterator[np.ndarray], shape: tuple[int, ...], kind: type[np.generic]) -> np.ndarray:

@@ -195,7 +195,7 @@ def _notes(matches: Sequence[Match]) -> tuple[str, ...]:
         "Pearson: correlation of success rates; a dash below three points or where one side is all alike",
         "low, high: 95 % interval by Fisher's transformation, which takes the points for independent",
         "MMRV: mean over cells of the largest |R_i - R_j| among cells that the twin ranks otherwise (SIMPLER), 0 to 1;"
-        " R in the other world",
+        " R in the other world; of cells that tie in the twin alone, the better one counts as ranked otherwise",
         "other world, low, high: 95 % Wilson interval, of several cells by MOVER",
         "joined: success in the other world, estimated from its trials, the twin's from the same starts, and the twin's"
         " from other starts (prediction-powered, weight of least variance)",

@@ -54,8 +54,9 @@ class Slow:
 class Chunks(Lifting):
     """`Lifting` in chunks: what it wants depends on the time alone."""
 
-    def chunk(self, *observations: DeployableObservation) -> np.ndarray:
+    def chunk(self, *observations: DeployableObservation, step: int) -> np.ndarray:
         first = self.steps + len(observations) - 1
+        assert step == first, "the network is told the step of the observation"
         self.steps = first
         made = np.array([self.act(observations[-1]) for _ in range(STEPS)])
         self.steps = first + 1
@@ -67,7 +68,7 @@ class Lagging:
 
     def reset(self) -> None: ...
 
-    def chunk(self, *observations: DeployableObservation) -> np.ndarray:
+    def chunk(self, *observations: DeployableObservation, step: int) -> np.ndarray:
         ahead = np.arange(1, STEPS + 1)[:, None] * np.array([0.004, 0, 0, 0, 0])
         return np.asarray(observations[-1]["joints"] - [0.02, 0, 0, 0, 0] + ahead)
 
@@ -135,13 +136,13 @@ def test_overlapping_answers_are_averaged_as_without_a_thread() -> None:
     class Drifting:
         def reset(self) -> None: ...
 
-        def chunk(self, *observations: DeployableObservation) -> np.ndarray:
+        def chunk(self, *observations: DeployableObservation, step: int) -> np.ndarray:
             return np.add([0.03, -0.02, 0.05, 0.04, 0.04], drift)
 
     _, found = sent(rig, ahead(rig, Drifting(), 0.04, every=1), 4.0)
     together = Ensemble(1, 0.0)
     for _ in range(STEPS):
-        together.add(Drifting().chunk())
+        together.add(Drifting().chunk(step=0))
         wanted = together.take()
     assert wanted[0] == pytest.approx(0.03 + 0.002 * (STEPS - 1) / 2)
     # An answer is a control period old when it arrives, which is half a period of drift in the mean.
@@ -169,8 +170,8 @@ def test_answers_that_are_too_short_for_their_time_are_refused() -> None:
     rig = Rig()
 
     class Single(Chunks):
-        def chunk(self, *observations: DeployableObservation) -> np.ndarray:
-            return super().chunk(*observations)[:1]
+        def chunk(self, *observations: DeployableObservation, step: int) -> np.ndarray:
+            return super().chunk(*observations, step=step)[:1]
 
     ran, _ = sent(rig, ahead(rig, Single(), 0.1))
     assert ran.faulty
@@ -181,10 +182,10 @@ def test_a_failure_in_the_thread_is_that_of_the_run() -> None:
     rig = Rig()
 
     class Broken(Chunks):
-        def chunk(self, *observations: DeployableObservation) -> np.ndarray:
+        def chunk(self, *observations: DeployableObservation, step: int) -> np.ndarray:
             if self.steps > 10:
                 raise ZeroDivisionError("by zero")
-            return super().chunk(*observations)
+            return super().chunk(*observations, step=step)
 
     policy = Ahead(Broken(), lambda: rig.cell.previous_action, rate_hz=20.0, every=6, answer_s=0.5, now=time.time_ns)
     with pytest.raises(ZeroDivisionError):

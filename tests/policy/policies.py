@@ -46,13 +46,14 @@ def contract(
     view: View | None = None,
     *,
     views: Mapping[str, View] | None = None,
-    **settings: float,
+    algorithm: str = "act",
+    **settings: float | str,
 ) -> PolicyContract:
     """A contract for `bundle` with a very small network; its actions are not normalised."""
     here = layout.of_bundle(bundle, views or given(view))
     count = len(here.joints)
     return PolicyContract(
-        algorithm="act",
+        algorithm=algorithm,
         task=here.task,
         embodiment=here.embodiment,
         inputs=tuple(contracts.channel(here, name) for name in inputs),
@@ -60,6 +61,7 @@ def contract(
         rate_hz=here.rate_hz,
         dataset="0" * 64,
         settings={"chunk": 4, "width": 16, "heads": 2, "latent": 2} | settings,
+        views={name: shown.view for name, shown in here.cameras.items() if shown.view is not None},
     )
 
 
@@ -67,7 +69,7 @@ def checkpoint(made: PolicyContract, seed: int = 0) -> Checkpoint:
     """Untrained weights for a contract."""
     from dextera_build.learning import weights
 
-    data = weights.to_bytes(runner().network.of_contract(made, seed).state_dict())
+    data = weights.to_bytes(runner(made.algorithm).network.of_contract(made, seed).state_dict())
     return Checkpoint(
         weights=data,
         contract=made,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.tasks.policy import PolicyContract
-from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.artifacts.tasks.task import Reset, TaskBundle, View
 from dextera_build.errors import RuleError
+from dextera_build.geometry import lie, transforms
 from dextera_build.policy import contract as contracts
 from dextera_build.policy import layout
 from dextera_build.policy.cameras import given
@@ -97,6 +99,64 @@ def test_a_view_of_another_size_is_refused():
     contracts.check(seeing, BUNDLE, views=given(episodes.view()))
     error = refused(seeing, views=given(episodes.view(128, 96)))
     assert error.facts == {"a view of another size": "the policy has 64 x 48 px, the bundle has 128 x 96 px"}
+
+
+def moved(view: View, x_m: float = 0.0, turn_rad: float = 0.0, zoom: float = 1.0, sigma_m: float = 0.0) -> View:
+    """The view from elsewhere, `x_m` away and turned about its axis, with another focal length."""
+    pose = view.camera_pose
+    matrix = pose.matrix @ transforms.rigid(lie.about_z(turn_rad)[:3, :3], np.array([x_m, 0.0, 0.0]))
+    covariance = np.diag([sigma_m**2 / 3] * 3 + [0.0] * 3) if sigma_m else None
+    camera = view.camera.model_copy(update={"fx": zoom * view.camera.fx, "fy": zoom * view.camera.fy})
+    return view.model_copy(
+        update={
+            "camera": camera,
+            "camera_pose": pose.model_copy(update={"matrix": matrix, "covariance": covariance}),
+        }
+    )
+
+
+@pytest.mark.parametrize(
+    ("changed", "difference"),
+    [
+        ({"x_m": 0.5}, "the camera at another place"),
+        ({"turn_rad": np.pi}, "the camera at another place"),
+        ({"zoom": 2.0}, "the camera another field of view"),
+        ({"x_m": 0.05, "sigma_m": 0.005}, "the camera at another place"),
+    ],
+)
+def test_a_camera_at_another_place_or_with_another_lens_is_refused(changed, difference):
+    seeing = policies.contract(BUNDLE, inputs=("joints", "rgb"), view=episodes.view())
+    error = refused(seeing, views=given(moved(episodes.view(), **changed)))
+    assert list(error.facts) == [difference]
+
+
+def test_a_camera_of_several_at_another_place_is_named():
+    views = {"front": episodes.view(), "side": moved(episodes.view(), x_m=0.3)}
+    seeing = policies.contract(BUNDLE, inputs=("joints", "rgb/front", "rgb/side"), views=views)
+    contracts.check(seeing, BUNDLE, views=views)
+    error = refused(seeing, views=views | {"side": episodes.view()})
+    assert error.facts == {
+        "camera `side` at another place": (
+            "0.300 m and 0.0 deg from the camera of the policy's data; "
+            "0.010 m and 1.0 deg are accepted for its calibration"
+        )
+    }
+
+
+def test_what_a_calibration_explains_is_accepted():
+    seeing = policies.contract(BUNDLE, inputs=("joints", "rgb"), view=moved(episodes.view(), sigma_m=0.01))
+    contracts.check(seeing, BUNDLE, views=given(moved(episodes.view(), x_m=0.008, turn_rad=0.01, zoom=1.01)))
+    contracts.check(seeing, BUNDLE, views=given(moved(episodes.view(), x_m=0.035)))
+    refused(seeing, views=given(moved(episodes.view(), x_m=0.05)))
+    spread = with_task(BUNDLE, reset=Reset(visual=1.0))
+    contracts.check(seeing, spread, views=given(moved(episodes.view(), x_m=0.05)))
+
+
+def test_a_contract_that_states_no_camera_takes_any():
+    """As those of policies that were trained before contracts stated their cameras."""
+    seeing = policies.contract(BUNDLE, inputs=("joints", "rgb"), view=episodes.view())
+    older = {name: value for name, value in seeing.model_dump().items() if name != "views"}
+    contracts.check(PolicyContract.model_validate(older), BUNDLE, views=given(moved(episodes.view(), x_m=0.5)))
 
 
 def test_another_size_of_a_channel_is_refused():

@@ -56,11 +56,16 @@ def test_a_twin_of_two_methods_has_the_figures_of_the_page(tmp_path: Path) -> No
 
 @pytest.mark.slow
 def test_policies_of_one_pair_have_bars_of_both_trainings_in_both_worlds(tmp_path: Path) -> None:
-    """The nodes of the recipe, made by stub backends, whose trials are shown only if they are taken for results."""
+    """The nodes of the recipe, made by stub backends, whose trials are shown only if they are taken for results.
+
+    Its students of a teacher and its policies of pictures have the same algorithms, and no bars.
+    """
     space = Space(tmp_path)
     space.write("dxb.toml", 'cache = "cache"\nprofile = "stub"\n')
     few = ("--set", "set/pair/shards.episodes=2", "--set", "set/data/shards.episodes=1")
-    answer = space.dxb("build", "policy/kl/lift_mustard_bottle:co_training", "--console", "none", *few, timeout_s=900.0)
+    recipe = "policy/kl/lift_mustard_bottle"
+    targets = [f"{recipe}:{target}" for target in ("default", "co_training", "two_cameras")]
+    answer = space.dxb("build", *targets, "--console", "none", *few, timeout_s=900.0)
     assert answer.code == 0, answer.err
     project = find(tmp_path)
     run = read(runs.find(project, None)[1], reading(project))

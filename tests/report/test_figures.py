@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.cameras.image import png
+from dextera_build.artifacts.tasks.task import WorldKind
 from dextera_build.report import cotraining
 from dextera_build.report.figures import MOST, figures
 from dextera_build.report.layout import made_from
@@ -19,6 +20,7 @@ from tests import series
 from tests.report.fabricate import FakeStore, fabricate
 
 STORE = FakeStore()
+WORLDS: tuple[WorldKind, ...] = ("twin", "reference")
 
 
 def node(address: str, rule: str, needs: tuple[str, ...] = (), *captions: str, **more: Any) -> Node:
@@ -127,20 +129,30 @@ def test_of_several_meshes_of_an_object_the_twins_is_in_the_factorization() -> N
     assert captions(shown(*made)[1]) == ["mug mesh boxes"]
 
 
-def learned(name: str, episodes: str, world: str, results: list[bool], **more: Any) -> list[Node]:
+def learned(
+    name: str,
+    episodes: str,
+    world: WorldKind,
+    results: list[bool],
+    channels: tuple[str, ...] = ("joints", "objects"),
+    label: str = "ACT twin only",
+) -> list[Node]:
     """A policy, trained on `episodes`, and its trials."""
-    label = "ACT" if episodes == "mixture" else "ACT twin only"
-    made = series.trials(results, label=label, world=world, **more).encode(STORE.blobs.put)
+    made = series.trials(results, label=label, world=world).encode(STORE.blobs.put)
     kind, fields = header(STORE, made)
     trials = node(f"{name}_{world}", "evaluate.rollouts", (name,), artifact=kind, fields=fields)
-    return [node(name, "learn.act", (episodes,)), trials]
+    contract = {"$value": {"inputs": [{"$value": {"name": channel}} for channel in channels]}}
+    learns = {"inputs": {"episodes": episodes}, "artifact": "Checkpoint", "fields": {"contract": contract}}
+    return [node(name, "learn.act", (episodes,), **learns), trials]
 
 
 @pytest.fixture
 def trained() -> list[Node]:
-    sets = [node("episodes", "demonstrate.gather"), node("mixture", "demonstrate.mixture", ("episodes",))]
-    alone = [learned("alone", "episodes", world, [True, False]) for world in ("twin", "reference")]
-    both = [learned("act", "mixture", world, [True, True, True, False]) for world in ("twin", "reference")]
+    sets = [node(name, "demonstrate.gather") for name in ("episodes", "recorded", "shown")]
+    sets.append(node("mixture", "demonstrate.mixture", ("episodes", "recorded")))
+    alone = [learned("alone", "episodes", world, [True, False]) for world in WORLDS]
+    told, most = ("joints", "objects", "world"), [True, True, True, False]
+    both = [learned("act", "mixture", world, most, told, "ACT") for world in WORLDS]
     return [*sets, *alone[0], alone[1][1], *both[0], both[1][1]]
 
 
@@ -155,3 +167,15 @@ def test_bars_stand_where_a_policy_was_trained_both_ways(trained: list[Node]) ->
     heights = [float(value) for value in re.findall(r'height="([\d.]+)" class="success', told)]
     assert heights == pytest.approx([0.5 * cotraining.HIGH, 0.75 * cotraining.HIGH] * 2, abs=0.06)
     assert 8 not in shown(*(each for each in trained if each.rule != "demonstrate.mixture"))
+
+
+def test_a_policy_that_learned_something_else_has_no_bar(trained: list[Node]) -> None:
+    """A teacher's student of the same algorithm has other episodes, a policy of pictures has other channels."""
+    student = learned("taught.student", "shown", "twin", [False], label="T-S")
+    sees = learned("two_cameras.act", "episodes", "twin", [False], ("joints", "rgb"), "ACT two cameras")
+    expected = shown(*trained)[8]
+    assert shown(*student, *sees, *trained)[8] == expected
+    with_trials = [each for each in trained if each.name.startswith(("alone", "act"))]
+    sets = [each for each in trained if each not in with_trials]
+    mixed = [each for each in with_trials if each.name.startswith("act")]
+    assert 8 not in shown(*sets, *student, *sees, *mixed)

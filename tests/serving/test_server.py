@@ -13,8 +13,8 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from dextera_build.artifacts.tasks.policy import Checkpoint
-from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.artifacts.tasks.policy import Channel, Checkpoint
+from dextera_build.artifacts.tasks.task import TaskBundle, WorldKind
 from dextera_build.errors import RuleError
 from dextera_build.policy.features import Fields
 from dextera_build.policy.observation import deployable
@@ -67,6 +67,21 @@ def test_a_served_policy_acts_as_the_local_one(trained: Checkpoint, tmp_path: Pa
                 np.testing.assert_array_equal(far.act(seen), local.act(seen))
 
 
+def test_a_served_diffusion_policy_draws_the_noise_of_the_local_one(tmp_path: Path) -> None:
+    network = {"network": "unet", "horizon": 8, "width": 16, "levels": 2, "layers": 1, "heads": 1, "located": 0}
+    settings = {"history": 2, "every": 4, "noise_levels": 20, "denoisings": 2, "seed": 0}
+    made = policies.checkpoint(policies.contract(BUNDLE, algorithm="diffusion", **network, **settings))
+    local = policies.load(made, BUNDLE)
+    with servers.running(servers.served(made, BUNDLE)) as address:
+        far = behind(address, tmp_path)
+        for _ in range(2):
+            local.reset()
+            far.reset()
+            for step in range(10):
+                seen = policies.observation(step)
+                np.testing.assert_array_equal(far.act(seen), local.act(seen))
+
+
 def test_a_policy_of_pictures_is_served(tmp_path: Path) -> None:
     view = episodes.view()
     made = policies.checkpoint(policies.contract(BUNDLE, ("joints", "rgb"), view))
@@ -79,6 +94,28 @@ def test_a_policy_of_pictures_is_served(tmp_path: Path) -> None:
         far = policies.load(found, BUNDLE, view)
         seen = policies.observation(rgb=picture)
         np.testing.assert_array_equal(far.act(seen), local.act(seen))
+
+
+@pytest.mark.parametrize(
+    ("kind", "names"),
+    [
+        ("twin", ("twin", "reference")),
+        ("real", ("twin", "real")),
+        ("reference", ("reference",)),
+        ("perturbed", ("perturbed", "twin")),
+    ],
+)
+def test_a_policy_that_is_told_its_world_is_served(kind: WorldKind, names: tuple[str, ...], tmp_path: Path) -> None:
+    bundle = BUNDLE.model_copy(update={"kind": kind})
+    told = Channel(name="world", shape=(len(names),), names=names)
+    contract = policies.contract(bundle, **SETTINGS)
+    made = policies.checkpoint(contract.model_copy(update={"inputs": (*contract.inputs, told)}))
+    with servers.running(servers.served(made, bundle)) as address:
+        found = RuleRunner(tmp_path).run("learn.served", bundle=bundle, options={"address": address})
+        far, local = policies.load(found, bundle), policies.load(made, bundle)
+        for step in range(3):
+            seen = policies.observation(step)
+            np.testing.assert_array_equal(far.act(seen), local.act(seen))
 
 
 @pytest.mark.medium

@@ -16,7 +16,7 @@ from dextera_build.artifacts.core.content import Content, Get, OnDisk, Stored
 from dextera_build.artifacts.core.identity import check
 from dextera_build.artifacts.core.lazy import contents
 from dextera_build.artifacts.tasks.reasons import tally
-from dextera_build.artifacts.tasks.task import WorldKind
+from dextera_build.artifacts.tasks.task import View, WorldKind
 from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.artifacts.tasks.variation import EXACT, Twist, Variation
 from dextera_build.errors import ArtifactError
@@ -195,6 +195,8 @@ class Film(Artifact):
     nothing was measured; of all episodes or of none."""
     camera: Camera | None = None
     """Intrinsics at the size of a frame; None in a film without depth."""
+    view: View | None = None
+    """The camera, at the size of a frame; None: it was not stated."""
 
     @classmethod
     def _from_header(cls, header: Mapping[str, Any], get: Get) -> Self:
@@ -219,10 +221,11 @@ class Film(Artifact):
         height: int,
         depth: Mapping[str, Path] | None = None,
         camera: Camera | None = None,
+        view: View | None = None,
     ) -> Film:
         """A film of files with frames as `packed` by index, which must no longer change; each is read at its use."""
         places = ({index: OnDisk(path) for index, path in each.items()} for each in (files, depth or {}))
-        return cls(frames={}, width=width, height=height, camera=camera)._behind(*places)
+        return cls(frames={}, width=width, height=height, camera=camera, view=view)._behind(*places)
 
     def _behind(self, frames: Mapping[str, Content], depth: Mapping[str, Content]) -> Self:
         # They would be copied, and thereby read, by validation.

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from dextera_build.artifacts.base import Array, Artifact
 from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.tasks.task import View
 
 
 class Pixels(Artifact):
@@ -23,6 +24,8 @@ class Pixels(Artifact):
     """Index -> distances (T, H, W) of one episode in counts of `DEPTH_STEP_M`, if the film has depth."""
     camera: Camera | None = None
     """Intrinsics at the size of a frame, if the film has depth."""
+    view: View | None = None
+    """The camera, at the size of a frame; None: it was not stated."""
 
     @property
     def width(self) -> int:

@@ -36,6 +36,25 @@ class Channel(Value):
     """Distance above which depth and points count as not measured [m]; None: there is no limit."""
 
 
+class ViewSpec(Value):
+    """A camera, in numbers."""
+
+    size_px: tuple[int, int]
+    """Width and height of a frame [px]."""
+    focal_px: tuple[float, float]
+    """Focal lengths along x and y [px]."""
+    centre_px: tuple[float, float]
+    """Principal point, x and y [px]."""
+    position_m: tuple[float, float, float]
+    """Of T_world_camera [m]."""
+    quaternion: tuple[float, float, float, float]
+    """Of T_world_camera, w x y z, OpenCV axes."""
+    sigma_m: float = 0.0
+    """Standard deviation of the position by the camera's calibration [m]; 0: exact, or not stated."""
+    sigma_rad: float = 0.0
+    """Standard deviation of the rotation [rad]."""
+
+
 class PolicyContract(Value):
     """The inputs and outputs of a policy. A policy is refused if one of them differs."""
 
@@ -55,6 +74,8 @@ class PolicyContract(Value):
     """Digest of the data set, or of the task bundle for reinforcement learning."""
     settings: dict[str, float | int | str | bool]
     """Sizes of the network."""
+    views: dict[str, ViewSpec] = Field(default_factory=dict)
+    """Camera -> the one that filmed the data set; a camera that is missing was not stated, and may be any."""
 
     @property
     def seen(self) -> tuple[Channel, ...]:

@@ -29,9 +29,11 @@ from dextera_build.sim.observe.sensors import Sensors
 from dextera_build.sim.observe.sensors import check as check_sensors
 from dextera_build.sim.render import portrait, rendering
 from dextera_build.sim.runtime import variations
+from dextera_build.sim.runtime.drawable import drawable
 from dextera_build.sim.runtime.environment import Environment, Outcome
 from dextera_build.sim.runtime.privileged import Simulated
 from dextera_build.sim.runtime.privileged import privileged as privileged_of
+from dextera_build.sim.runtime.strata import Stratum
 from dextera_build.sim.training.spaces import of_terms, values
 
 DEPLOYABLE, PRIVILEGED = "deployable", "privileged"
@@ -111,9 +113,13 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         """Begin an episode.
 
         Args:
-            seed: Seed of the start, as in `Environment.reset(seed)`; None: the next of a random sequence.
+            seed: Seed of the start, as in `Environment.reset(seed)`; None: the next of a random sequence, or the first
+                seed after it whose start can be drawn.
             options: `{"start": Start}` begins at that start instead; `{"stratum": Stratum}` draws one by stratified
                 sampling of a series; `{"share": 0.5}` draws it from half of the task's ranges.
+
+        Raises:
+            RuleError: No start without collisions was found; the running episode continues.
         """
         self.begin(seed, options)
         self._last = self._observe()
@@ -126,13 +132,19 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         if isinstance(start, Start):
             self.environment.begin(start)
         else:
-            drawn = int(self.np_random.integers(2**62)) if seed is None else seed
-            self.environment.reset(drawn, stratum, (options or {}).get("share", 1.0))
+            self._reset(seed, stratum, (options or {}).get("share", 1.0))
         start = self.environment.start
         self._sensors.reset(start.seed, start.variation.noise)
         if self._eyes is not None:
             self._eyes.vary(variations.seen(self.environment.bundle, start, self._views))
         self._value = self.progress.value(False, self.environment.now)
+
+    def _reset(self, seed: int | None, stratum: Stratum | None, share: float) -> None:
+        def reset(seed: int) -> object:
+            return self.environment.reset(seed, stratum, share)
+
+        # Nobody asked for a start of the sequence, so that another one may replace it.
+        _ = reset(seed) if seed is not None else drawable(reset, int(self.np_random.integers(2**62)))
 
     def step(self, action: np.ndarray) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
         """Send an action (N,) for one control period."""

@@ -15,6 +15,7 @@ from dextera_build.policy.features import Fields, Reader
 from dextera_build.policy.layout import of_bundle
 from dextera_build.sim.control.steering import Steering
 from dextera_build.sim.model.model import untextured
+from dextera_build.sim.runtime.drawable import drawable
 from dextera_build.sim.runtime.environment import Outcome
 from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.sim.training.gym import DEPLOYABLE, PRIVILEGED
@@ -50,7 +51,8 @@ class Practices:
     """Observations (N, K + P) float32: K deployable numbers, then P privileged ones for the critic or for a teacher.
 
     The seed of episode k of a world is derived from `seed`, the number of the world and k, so results depend neither on
-    the number of threads nor on the number of worlds beside it.
+    the number of threads nor on the number of worlds beside it. If its start cannot be drawn, the first seed after it
+    whose start can be drawn takes its place.
 
     Args:
         bundle: The task.
@@ -82,6 +84,8 @@ class Practices:
         """The state of every world."""
         self.share = 1.0
         """Fraction of the task's ranges from which starts are drawn."""
+        self.replaced: list[tuple[int, int]] = []
+        """(world, episode) whose start was drawn with another seed."""
         self._inputs: Fields = {}
         self.seen: Observations = {}
         """The observation from which `numbers` were made last."""
@@ -133,8 +137,14 @@ class Practices:
         self.worlds.close()
 
     def _begin(self, number: int) -> None:
-        place = self.places[number]
-        self.worlds.tasks[number].begin(seed_of(self._seed, number, place.episode), {"share": place.share})
+        place, first = self.places[number], seed_of(self._seed, number, self.places[number].episode)
+
+        def begin(seed: int) -> int:
+            self.worlds.tasks[number].begin(seed, {"share": place.share})
+            return seed
+
+        if drawable(begin, first) != first:
+            self.replaced.append((number, place.episode))
 
     def _carried_out(self, goals: Sequence[np.ndarray | None]) -> list[Outcome | None]:
         """Send targets (T, A) for T control periods, until an episode is over."""

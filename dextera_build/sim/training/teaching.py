@@ -56,22 +56,38 @@ class Teacher:
         self._limbs = str(contract.settings["limb"]).split() if contract.settings.get(contracts.PRIVILEGED) else []
         self._simulated, self._progress = Simulated([environment]), Progress(environment)
         self._limits = np.array([(joint.lower, joint.upper) for joint in environment.bundle.robot.joints])
+        self._every = int(contract.settings.get("every", 1))
+        self._planned = np.zeros((0, len(self._limits)))
+        """Targets of the last decision for the periods that it has left (n, A)."""
 
-    def targets(self) -> np.ndarray:
+    def targets(self, acted: bool) -> np.ndarray:
         """Joint targets (A,) [rad] for the coming control period, within limits.
+
+        A decision lasts as long as in the teacher's practice, but only while the teacher acts. Where a student acted,
+        the answer is the first step of a new decision in the state that the student led to.
+
+        Args:
+            acted: Whether the last targets were carried out.
 
         Raises:
             PolicyFault: They are not finite.
         """
         world = self._environment
+        if not len(self._planned) or not acted or world.steps == 0:
+            self._planned = self._decided()[: self._every]
+        made, self._planned = self._planned[0], self._planned[1:]
+        if not np.isfinite(made).all():
+            raise PolicyFault(f"the teacher gave NaN at step {world.steps}", code="DXB-B511")
+        return np.asarray(np.clip(made, self._limits[:, 0], self._limits[:, 1]))
+
+    def _decided(self) -> np.ndarray:
+        """Joint targets (C, A) [rad] for the coming control periods."""
+        world = self._environment
         inputs = self._reader.read(observed(world.observe()) | {WORLD: self._world})
         if self._limbs:
             value = self._progress.value(False, world.now)
             inputs[INSIGHT] = insight([world], self._limbs, values(self._simulated), [value])
-        made = self._predict(inputs, world.steps)[0]
-        if not np.isfinite(made).all():
-            raise PolicyFault(f"the teacher gave NaN at step {world.steps}", code="DXB-B511")
-        return np.asarray(np.clip(made, self._limits[:, 0], self._limits[:, 1]))
+        return self._predict(inputs, world.steps)
 
 
 @dataclass(frozen=True)
@@ -110,19 +126,21 @@ def lesson(
     if student is not None:
         student.reset()
     random = np.random.default_rng([start.seed, 7])
-    recorder, apart = Recorder(environment), list[float]()
+    recorder, apart, acted = Recorder(environment), list[float](), True
     while True:
         frames = look() if look else None
         seen = sensors.measure(environment.measure(frames), environment.steps * environment.period_s)
         shown = deployable(seen, environment.previous_action, environment.goal, environment.added)
         try:
-            wanted = teacher.targets()
+            wanted = teacher.targets(acted)
             taken = wanted if student is None else student.act(shown)
         except PolicyFault as fault:
             return Lesson(recorder.episode("policy", success=False, reason=fault.message), _mean(apart))
         apart.append(float(np.abs(taken - wanted).mean()))
         recorder.before(wanted, seen=shown)
-        outcome = environment.step(wanted if random.uniform() < led else taken)
+        leads = random.uniform() < led
+        acted = leads or student is None
+        outcome = environment.step(wanted if leads else taken)
         recorder.after(outcome.executed)
         if outcome.over:
             made = recorder.episode("policy", success=outcome.success, reason=outcome.reason)

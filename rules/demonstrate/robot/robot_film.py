@@ -62,4 +62,4 @@ def robot_film(
             )
             yield name, Frame(frames)
 
-    return film_of(ctx, episodes, view.camera, taken(), options.strip_frames)
+    return film_of(ctx, episodes, view, taken(), options.strip_frames)

@@ -111,8 +111,11 @@ class BcRnn(nn.Module):
         seen = self.see(inputs) if seen is None else seen
         read, state = self.lstm(torch.cat(parts if seen is None else [*parts, seen], dim=-1), state)
         shape = (*read.shape[:2], *self._shape)
-        stds = F.softplus(self.spreads(read).view(shape)) + self._least_std
-        return Modes(self.logits(read), self.means(read).view(shape), stds), state
+        # A narrow Gaussian tells what bfloat16 rounds away.
+        with torch.autocast(read.device.type, enabled=False):
+            exact = read.float()
+            stds = F.softplus(self.spreads(exact).view(shape)) + self._least_std
+            return Modes(self.logits(exact), self.means(exact).view(shape), stds), state
 
     def see(self, inputs: Mapping[str, Tensor]) -> Tensor | None:
         """(B, T, S) features of what the camera gives, or None for a policy without a camera."""

@@ -22,7 +22,7 @@ def predict(checkpoint: Checkpoint, bundle: TaskBundle) -> Predict:
     """
     contract = checkpoint.contract
     made = running.filled(network.of_contract(contract), checkpoint)
-    horizon, seed = int(contract.settings["horizon"]), int(contract.settings["seed"])
+    horizon, noise = int(contract.settings["horizon"]), running.Noise(int(contract.settings["seed"]))
     drawn = contract.settings["pick"] == "drawn"
     state: network.State | None = None
 
@@ -30,16 +30,16 @@ def predict(checkpoint: Checkpoint, bundle: TaskBundle) -> Predict:
         nonlocal state
         if step % horizon == 0:
             state = None
+        random = noise.at(inputs, step)
         with reproducible.one_thread(), torch.inference_mode():
             seen = {name: each[:, None] for name, each in running.tensors(inputs).items()}
             modes, state = made(seen, state)
-            action = modes.of(_drawn(modes.logits, seed, step)) if drawn else modes.likeliest()
+            action = modes.of(_drawn(modes.logits, random)) if drawn else modes.likeliest()
         return running.targets(contract, action[0])
 
     return targets
 
 
-def _drawn(logits: Tensor, seed: int, step: int) -> Tensor:
-    """Number of a mode (1, 1), drawn by weight; the same for the same seed and step."""
-    random = torch.Generator().manual_seed(seed * 1_000_003 + step)
+def _drawn(logits: Tensor, random: torch.Generator) -> Tensor:
+    """Number of a mode (1, 1), drawn by weight."""
     return torch.multinomial(logits[0].softmax(dim=-1), 1, generator=random)

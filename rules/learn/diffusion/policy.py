@@ -18,11 +18,11 @@ def predict(checkpoint: Checkpoint, bundle: TaskBundle) -> Predict:
     """The network of a checkpoint, ready to run in a task bundle."""
     contract = checkpoint.contract
     made = running.filled(network.of_contract(contract), checkpoint)
-    present, every, seed = made.history - 1, int(contract.settings["every"]), int(contract.settings["seed"])
+    present, every = made.history - 1, int(contract.settings["every"])
+    noise = running.Noise(int(contract.settings["seed"]))
 
     def targets(inputs: Fields, step: int) -> np.ndarray:
-        # A trial repeats bit for bit, with other noise at each of its predictions.
-        random = torch.Generator().manual_seed(seed * 1_000_003 + step)
+        random = noise.at(inputs, step)
         with reproducible.one_thread(), torch.inference_mode():
             window = made.sample(running.tensors(inputs), torch.randn(1, *made.shape, generator=random))[0]
         return running.targets(contract, window[present : present + every])

@@ -29,3 +29,6 @@ class LerobotOptions(Options):
     """Steps between the trainer's checkpoints, from the last of which an interrupted training goes on."""
     seed: int = Field(1000, ge=0)
     """Seed of initial weights and order, and of the noise at run time."""
+    least_range_rad: float = Field(0.01, gt=0.0)
+    """Least range of a joint, an action or another number in the statistics by which LeRobot scales it, and four times
+    the least standard deviation [rad or m]; without one, a finger that hardly moves is amplified."""

@@ -22,6 +22,10 @@ from .reinforcement import contract_of, limbs_of
 class PpoBackend(Protocol):
     """Interface of a backend of learn.ppo."""
 
+    def nearest(self, ctx: Context, bundle: TaskBundle, options: Any) -> str:
+        """The limb whose palm is nearest to the task's object, as the scripted operator prefers it."""
+        ...
+
     def heading(self, ctx: Context, bundle: TaskBundle, options: Any) -> float | None:
         """Initial push direction of the task's link about the vertical in the base [rad]; None for a lift."""
         ...
@@ -54,9 +58,10 @@ def ppo(
 
     An interrupted training resumes and ends with the same weights.
     """
-    _check(ctx, bundle, options)
+    limbs = limbs_of(bundle, lambda: ctx.backend.nearest(ctx, bundle, ctx.backend_options))
+    _check(ctx, bundle, limbs, options)
     added = listed(terms)
-    contract = contract_of(bundle, options, ctx.backend.heading(ctx, bundle, ctx.backend_options), added)
+    contract = contract_of(bundle, limbs, options, ctx.backend.heading(ctx, bundle, ctx.backend_options), added)
     ctx.check(int(contract.settings["decisions"]) > 0, "the robot has no joints in `groups`", groups=options.groups)
     practised = ctx.backend.practise(ctx, bundle, contract, added, options, ctx.backend_options)
     ctx.check(len(practised.steps) == len(practised.reward) > 0, "the training has no reward curve")
@@ -70,8 +75,8 @@ def ppo(
     )
 
 
-def _check(ctx: Context, bundle: TaskBundle, options: PpoOptions) -> None:
-    for limb in (bundle.robot.limbs[name] for name in limbs_of(bundle)):
+def _check(ctx: Context, bundle: TaskBundle, limbs: tuple[str, ...], options: PpoOptions) -> None:
+    for limb in (bundle.robot.limbs[name] for name in limbs):
         if options.control == "palm" and not limb.palm:
             ctx.fail("the robot has no frame `palm` that could be steered", hint="set `control: joints`")
         if options.grip is not None and options.grip not in limb.grips:

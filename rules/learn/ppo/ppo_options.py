@@ -28,8 +28,9 @@ class PpoOptions(Options):
     """Control of the arm: by steps of the palm with fixed orientation, or joint by joint."""
     step_m: float = Field(0.15, gt=0.0)
     """Maximum step of the palm per decision and axis [m]; light and slippery objects must be pushed quickly."""
-    turn_rad: float = Field(0.0, ge=0.0)
-    """Maximum rotation of the palm per decision about each axis of the base [rad]; 0: its orientation is fixed."""
+    turn_rad: float | None = Field(None, ge=0.0)
+    """Maximum rotation of the palm per decision about each axis of the base [rad]; 0: its orientation is fixed; None:
+    0.3 if hands carry the object to an orientation that the goal names, otherwise 0."""
     grip: str | None = None
     """Posture of the fingers, one of the robot's grips; None: the first suitable one, otherwise home."""
     lean_rad: float = Field(0.4, ge=-1.6, le=1.6)

@@ -37,6 +37,15 @@ BACKEND = Backend(
 )
 
 
+def nearest(ctx: Context, bundle: TaskBundle, options: Options) -> str:
+    """The limb whose palm is nearest to the task's object in the photographed configuration."""
+    environment, robot = Environment(bundle), bundle.robot
+    thing = environment.object_poses()[list(bundle.objects).index(bundle.task.object), :3]
+    away = np.linalg.norm(environment.palm_poses()[:, :3] - thing, axis=1)
+    found = {name: float(far) for name, far in zip(robot.limb_names, away, strict=True) if robot.limbs[name].palm}
+    return min(found, key=lambda name: found[name], default=robot.limb_names[0])
+
+
 def heading(ctx: Context, bundle: TaskBundle, options: Options) -> float | None:
     """Initial push direction of the task's link about the vertical in the base [rad]; None if it has none."""
     environment = Environment(bundle)

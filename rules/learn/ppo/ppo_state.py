@@ -81,6 +81,7 @@ class Watch(BaseCallback):
             self._ctx.log(f"starts within {100 * self._share:.0f} % of the ranges from decision {self.num_timesteps:,}")
 
     def _on_rollout_start(self) -> None:
+        self._tell()
         self._note()
         self._widen()
         self._follow()
@@ -102,6 +103,7 @@ class Watch(BaseCallback):
     def _on_training_end(self) -> None:
         if not self._recent:
             self._recent.append((float(self._earned.mean()), False))
+        self._tell()
         self._note()
         self._follow()
 
@@ -198,6 +200,15 @@ class Watch(BaseCallback):
         if self._recent and (not self._curve or self._curve[-1][0] < step):
             rewards, successes = zip(*self._recent, strict=True)
             self._curve.append((step, float(np.mean(rewards)), float(np.mean(successes))))
+
+    def _tell(self) -> None:
+        """Log the starts that were replaced since the last call."""
+        replaced = self._worlds.practices.replaced
+        for world, episode in sorted(replaced):
+            self._ctx.log(
+                f"world {world}, episode {episode}: no start was found with its seed, a later one replaces it"
+            )
+        replaced.clear()
 
     def _what(self) -> str:
         if not self._recent:

@@ -22,6 +22,11 @@ NOTHING = (2).to_bytes(8, "little") + b"{}"
 """A safetensors file without tensors."""
 
 
+def nearest(ctx: Context, bundle: TaskBundle, options: Options) -> str:
+    """Return the first limb: nothing is simulated."""
+    return bundle.robot.limb_names[0]
+
+
 def heading(ctx: Context, bundle: TaskBundle, options: Options) -> float | None:
     """Return no direction: nothing is simulated."""
     return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +17,7 @@ from dextera_build.policy import contract as contracts
 from dextera_build.policy import features
 from dextera_build.policy.layout import of_bundle
 from dextera_build.sim.primitives import catalogue
+from dextera_build.sim.primitives.poses import PoseGoal
 from dextera_build.sim.training import insight
 
 if TYPE_CHECKING:
@@ -24,17 +25,24 @@ if TYPE_CHECKING:
 
 JOINT_RAD = 0.5
 """Scale of joint positions and targets [rad]."""
+TURNED_RAD = 0.3
+"""Rotation of a palm per decision where the object must be turned [rad]."""
 PLACE_M, TURN = 0.05, 0.3
 """Scale of object positions [m] and of the columns of their rotations."""
 
 
 def contract_of(
-    bundle: TaskBundle, options: PpoOptions, heading_rad: float | None = None, terms: Collection[TermSpec] = ()
+    bundle: TaskBundle,
+    limbs: tuple[str, ...],
+    options: PpoOptions,
+    heading_rad: float | None = None,
+    terms: Collection[TermSpec] = (),
 ) -> PolicyContract:
     """Inputs and outputs of a policy trained with these options.
 
     Args:
         bundle: The task.
+        limbs: The limbs that the policy moves.
         options: The rule's options.
         heading_rad: Direction of the palm about the vertical, in the base [rad]; None: as at home.
         terms: Terms of observations that do not come with dxb.
@@ -44,7 +52,7 @@ def contract_of(
     joints = tuple(joint for name in names for joint in bundle.objects[name].joints)
     kept: dict[str, tuple[str, ...] | None] = {"objects": names, "displacement": joints}
     inputs = [contracts.channel(layout, name, kept.get(name)) for name in options.inputs]
-    robot, limbs = bundle.robot, limbs_of(bundle)
+    robot = bundle.robot
     grips = [grip_of(bundle, limb, options.grip) for limb in limbs]
     elsewhere = {name for other in robot.limbs.values() for name in (*other.arm, *other.hand)}
     elsewhere -= {name for limb in limbs for name in (*robot.limbs[limb].arm, *robot.limbs[limb].hand)}
@@ -58,8 +66,9 @@ def contract_of(
         and joint.name not in elsewhere
     ]
     palms = len(limbs) if options.control == "palm" else 0
-    closing = _closing(bundle, options)
-    decisions = palms * (6 if options.turn_rad else 3) + len(closing) + len(single)
+    closing = _closing(bundle, limbs, options)
+    turn_rad = _turn_rad(bundle, options)
+    decisions = palms * (6 if turn_rad else 3) + len(closing) + len(single)
     return PolicyContract(
         algorithm="ppo",
         task=bundle.task.name,
@@ -81,17 +90,22 @@ def contract_of(
             "width": options.width,
             "layers": options.layers,
             **({"grip": " ".join(closing)} if closing else {}),
-            **({"turn_rad": options.turn_rad} if options.turn_rad else {}),
+            **({"turn_rad": turn_rad} if turn_rad else {}),
             **({contracts.PRIVILEGED: insight.size(layout, len(limbs))} if options.privileged else {}),
             **(_turned(grips[0], heading_rad, options.lean_rad) if grips[0] and heading_rad is not None else {}),
         },
     )
 
 
-def limbs_of(bundle: TaskBundle) -> tuple[str, ...]:
-    """The limbs that the policy moves: those that carry the object by the task or its roles, otherwise one."""
+def limbs_of(bundle: TaskBundle, nearest: Callable[[], str]) -> tuple[str, ...]:
+    """The limbs that the policy moves: those that carry the object by the task or its roles, otherwise one.
+
+    Args:
+        bundle: The task.
+        nearest: Gives the limb whose palm is nearest to the object, which acts if none is named.
+    """
     primitive = catalogue.of(bundle.task, bundle.objects)
-    named = bundle.task.limbs or primitive.ordered() or bundle.robot.limb_names[:1]
+    named = bundle.task.limbs or primitive.ordered() or (nearest(),)
     return named if primitive.carries else named[:1]
 
 
@@ -104,16 +118,25 @@ def grip_of(bundle: TaskBundle, limb: str, name: str | None) -> Grip | None:
     return next((grip for grip in grips.values() if grip.against in wanted), None)
 
 
-def _closing(bundle: TaskBundle, options: PpoOptions) -> list[str]:
+def _turn_rad(bundle: TaskBundle, options: PpoOptions) -> float:
+    """How far a decision turns a palm [rad]; 0: not at all."""
+    if options.turn_rad is not None:
+        return options.turn_rad
+    primitive = catalogue.of(bundle.task, bundle.objects)
+    goal, carries = primitive.goal, primitive.carries
+    return TURNED_RAD if carries and isinstance(goal, PoseGoal) and goal.quaternion is not None else 0.0
+
+
+def _closing(bundle: TaskBundle, limbs: tuple[str, ...], options: PpoOptions) -> list[str]:
     """The grip that a decision closes, for each limb; none if fingers stay open or are moved one by one."""
     carries = catalogue.kind(bundle.task.primitive).carries
     if "hand" in options.groups or not (carries if options.closes is None else options.closes):
         return []
     found = []
-    for name in limbs_of(bundle):
+    for name in limbs:
         grip, grips = grip_of(bundle, name, options.grip), bundle.robot.limbs[name].grips
         found += [label for label, each in grips.items() if each is grip and each.closed]
-    return found if len(found) == len(limbs_of(bundle)) else []
+    return found if len(found) == len(limbs) else []
 
 
 def _turned(grip: Grip, heading_rad: float, lean_rad: float) -> dict[str, float]:

@@ -60,6 +60,13 @@ def test_a_swapped_rank_shows(runner):
     assert (row["points"], row["MMRV"], row["Pearson"]) == (2, pytest.approx(0.3), None)
 
 
+def test_a_tie_in_the_twin_costs_half_and_the_notes_say_so(runner):
+    rates = {("ACT", TASKS[0]): (80, 40), ("PPO", TASKS[0]): (80, 70)}
+    table = runner.run("evaluate.transfer", trials=cells(rates), options={"paper": False})
+    assert rows(table)["means of policies"]["MMRV"] == pytest.approx(0.15)
+    assert any("of cells that tie in the twin alone, the better one counts" in note for note in table.notes)
+
+
 def test_kinds_of_worlds_have_rows_of_their_own(runner):
     first = cells({("ACT", TASKS[0]): (90, 80), ("PPO", TASKS[0]): (70, 50)})
     second = cells({("ACT", TASKS[1]): (60, 60)}, world="perturbed")

@@ -69,6 +69,28 @@ def test_a_policy_without_memory_cannot_learn_it(tmp_path: Path) -> None:
     np.testing.assert_allclose(first[CUE:], second[CUE:], atol=1e-6)
 
 
+@pytest.mark.parametrize("least_std", [1e-4, 0.1])
+def test_narrow_gaussians_are_exact_in_a_training_of_bfloat16(
+    least_std: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The likelihood of what a network gives, of whose parts only the LSTM rounds to bfloat16."""
+    module = runner("bc_rnn").network
+    network = module.BcRnn(module.Sizes(hidden=64, least_std=least_std), contract(BUNDLE, ("joints",)))
+    read = torch.randn(16, 10, 64, generator=torch.Generator().manual_seed(0)).tanh().bfloat16()
+    monkeypatch.setattr(
+        network.lstm, "forward", lambda *_: (read if torch.is_autocast_enabled("cpu") else read.float(), None)
+    )
+    with torch.no_grad():
+        network.spreads.weight.zero_()
+        network.spreads.bias.fill_(-12.0)  # all but the least
+        inputs = {"joints": torch.zeros(16, 10, 1, 3)}
+        batch = Batch(inputs, network(inputs)[0].likeliest(), torch.ones(16, 10, dtype=torch.bool))
+        exact = float(module.loss_of(network, batch)[0])
+        with torch.autocast("cpu", torch.bfloat16):
+            fast = float(module.loss_of(network, batch)[0])
+    assert fast == pytest.approx(exact, abs=1e-5)
+
+
 def test_it_forgets_at_the_horizon_and_at_the_start_of_an_episode(tmp_path: Path) -> None:
     data = episodes.small(4)
     policy = load(learn(tmp_path, data), BUNDLE)

@@ -115,6 +115,19 @@ def test_decoded_films_train_the_same_policy(tmp_path: Path) -> None:
     assert one.weights == other.weights
 
 
+def test_a_contract_states_the_cameras_of_its_films(tmp_path: Path) -> None:
+    data, view = episodes.small(3, 6), episodes.view(48, 32)
+    runner = RuleRunner(tmp_path)
+    film = runner.run("demonstrate.film", bundle=BUNDLE, episodes=data, view=view)
+    decoded = RuleRunner(tmp_path).run("demonstrate.unpack", film=film)
+    parts = parts_of(data, films=Collection[Film | Pixels](items={"front": decoded, "side": filmed(data, 40, 40)}))
+    made = prepare(BUNDLE, parts, Selection(("joints", "rgb")), algorithm="act", settings={}).contract
+    assert made.views.keys() == {"front"}, "the other film does not state its camera"
+    stated = made.views["front"]
+    assert (stated.size_px, stated.focal_px) == ((48, 32), (view.camera.fx, view.camera.fy))
+    np.testing.assert_allclose(stated.position_m, view.camera_pose.matrix[:3, 3])
+
+
 def test_a_mixture_has_films_by_label_and_camera(tmp_path: Path) -> None:
     data = episodes.small(3)
     mixture = mixed(tmp_path, {}, twin=data, reference=elsewhere(data))

@@ -136,6 +136,27 @@ def test_a_trial_repeats_and_every_step_has_other_noise(tmp_path: Path, network:
     assert not np.array_equal(other, first[1])
 
 
+def test_every_trial_has_noise_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A trial is told by what it begins with; what differs by less than processors do is the same."""
+    made = learn(tmp_path, episodes.small(4))
+    module = runner("diffusion")
+    monkeypatch.setattr(module.network.Denoiser, "sample", lambda _, inputs, noise: noise)
+    targets = module.predict(made, BUNDLE)
+
+    def noise(joint: float) -> np.ndarray:
+        """At steps 0 and 4 of a trial that begins at a normalised joint position."""
+        return np.array(
+            [targets({"joints": np.full((1, 2, 1, 3), at, np.float32)}, step) for step, at in ((0, joint), (4, 1))]
+        )
+
+    first = noise(0.5)
+    np.testing.assert_array_equal(noise(0.5), first)
+    np.testing.assert_array_equal(noise(0.5 + 1e-6), first)
+    other = noise(0.51)
+    assert not np.isclose(other, first).any(), "neither at its start nor later, where it sees the same"
+    assert not np.isclose(first[0], first[1]).any()
+
+
 @pytest.mark.medium
 def test_the_executed_steps_begin_at_the_present_one(tmp_path: Path) -> None:
     """The window begins at the oldest observed step, so its first steps are past."""

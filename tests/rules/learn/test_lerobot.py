@@ -14,6 +14,7 @@ from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.errors import DxbError, MachineError, RuleError
 from dextera_build.learning import packed
 from dextera_build.testing import RuleRunner
+from rules.learn.outside.programs.lerobot_ranges import linked
 from tests import episodes
 from tests.rules.learn import stand_in
 
@@ -87,10 +88,46 @@ def test_options_become_arguments_of_the_trainer(project: Path, data: Folder) ->
     fault = {"chunk_size": 4, "use_vae": False, "down_dims": [8, 16], "fault": "exit:1"}
     refused(project, data, policy=fault, trainer={"dataset.image_transforms.enable": True}, seed=3)
     ((_, *words),) = calls(project)
+    assert f"--dataset.root={project / 'keep' / 'data'}" in words
     assert {"--policy.type=act", "--policy.chunk_size=4", "--policy.use_vae=false"} <= set(words)
     assert {"--steps=8", "--batch_size=2", "--seed=3", "--policy.device=cpu"} <= set(words)
     assert "--dataset.image_transforms.enable=true" in words
     assert f"--output_dir={project / 'keep' / 'run'}" in words
+
+
+@pytest.mark.parametrize("version", ["v2.1", "v3.0"])
+def test_a_joint_that_stays_still_is_scaled_by_the_least_range(tmp_path: Path, version: str) -> None:
+    """A copy of the statistics is widened where a number of the whole set hardly moves, and nowhere else."""
+    shown = episodes.small(3, 6, seed=1)
+    still = [np.where(np.arange(3) == 1, np.float32(0.3), one.action) for one in shown.items.values()]
+    still[0][:, 2] = 0.1  # in one episode alone
+    items = {
+        name: one.model_copy(update={"action": moved})
+        for (name, one), moved in zip(shown.items.items(), still, strict=True)
+    }
+    made = RuleRunner(tmp_path).run(
+        "demonstrate.lerobot",
+        bundle=BUNDLE,
+        episodes=shown.model_copy(update={"items": items}),
+        options={"version": version},
+    )
+    made.export(tmp_path / "data", "data")
+    before = json.loads((tmp_path / "data" / "meta" / "stats.json").read_text())
+    folder = linked(tmp_path / "data", tmp_path / "linked", 0.01)
+    assert json.loads((tmp_path / "data" / "meta" / "stats.json").read_text()) == before
+    after = json.loads((folder / "meta" / "stats.json").read_text())
+    own, wide = before["action"], after["action"]
+    assert (own["std"][1], own["q01"][1]) == pytest.approx((0.0, 0.3), abs=1e-6)
+    for low, high in (("min", "max"), ("q01", "q99"), ("q10", "q90")):
+        assert (wide[low][1], wide[high][1]) == pytest.approx((0.295, 0.305), abs=1e-6)
+        assert (wide[low][2], wide[high][2]) == (own[low][2], own[high][2])
+    assert wide["std"] == [own["std"][0], 0.0025, own["std"][2]]
+    assert after["timestamp"] == before["timestamp"]
+    assert {path.name for path in folder.iterdir()} == {path.name for path in (tmp_path / "data").iterdir()}
+    if version == "v2.1":
+        rows = [json.loads(line) for line in (folder / "meta" / "episodes_stats.jsonl").read_text().splitlines()]
+        assert [row["stats"]["action"]["std"][1] for row in rows] == [0.0025] * 3
+        assert rows[0]["stats"]["action"]["std"][2] == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.medium

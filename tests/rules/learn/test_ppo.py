@@ -12,6 +12,8 @@ import pytest
 from pydantic import ValidationError
 
 from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.tasks.episode import Start
+from dextera_build.artifacts.tasks.goals import Goal
 from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.artifacts.tasks.task import Reset, TaskBundle
 from dextera_build.errors import RuleError
@@ -20,8 +22,13 @@ from dextera_build.rule import Context
 from dextera_build.sim.control.steering import Steering
 from dextera_build.sim.primitives.handover.primitive import HandoverGoal
 from dextera_build.sim.primitives.lift.primitive import LiftGoal
+from dextera_build.sim.primitives.pick_and_reorient.primitive import ReorientGoal
+from dextera_build.sim.primitives.poses import Tolerance
+from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
+from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.sim.training.practice import Practices
+from dextera_build.sim.training.teaching import Teacher
 from dextera_build.testing import RuleRunner
 from tests import episodes, factories, openarm_tasks, task_bundles
 from tests.policy.policies import load, runner
@@ -103,6 +110,28 @@ def test_the_same_bundle_gives_the_same_bytes(tmp_path: Path) -> None:
     np.random.seed(6)
     assert same(learn(tmp_path), first)
     assert not same(learn(tmp_path, seed=1), first)
+
+
+@pytest.mark.medium
+def test_a_start_that_cannot_be_drawn_is_replaced_alike_after_an_interruption(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lost, draw = {seed_of(0, 1, 0), seed_of(0, 1, 0) + 1, seed_of(0, 0, 1)}, starts.draw
+
+    def drawn(bundle: TaskBundle, model: Any, data: Any, changed: Any, seed: int, *more: Any, **named: Any) -> Start:
+        if seed in lost:
+            raise RuleError("no start without collisions was found", code="DXB-B211")
+        return draw(bundle, model, data, changed, seed, *more, **named)
+
+    monkeypatch.setattr(starts, "draw", drawn)
+    whole, lines = interrupted(tmp_path / "whole", None, monkeypatch)
+    assert whole
+    assert [line.split(":")[0] for line in lines] == ["world 1, episode 0", "world 0, episode 1"]
+    nothing, _ = interrupted(tmp_path / "cut", 90, monkeypatch)
+    assert nothing is None
+    rest, _ = interrupted(tmp_path / "cut", None, monkeypatch)
+    assert rest
+    assert same(rest, whole)
 
 
 def test_a_training_leaves_global_generators_as_they_were(tmp_path: Path) -> None:
@@ -198,6 +227,36 @@ def test_both_hands_of_a_task_are_moved(tmp_path: Path) -> None:
 
 
 @pytest.mark.medium
+def test_of_limbs_that_no_task_names_the_nearest_one_is_moved(tmp_path: Path) -> None:
+    """The base faces along x of the world, so that the left arm is at greater y."""
+    robot = robot_recipes.built("openarm_revo1", tmp_path)
+    found = []
+    for y in (0.2, -0.2):
+        box = factories.box_asset(factories.pose(0.0, y), size=(0.05, 0.05, 0.12), mass=0.15)
+        bundle = openarm_tasks.bundle(robot, LiftGoal(height_m=0.1), {"box": box}, "box")
+        made = learn(tmp_path, bundle=bundle, steps=2, worlds=2, rollout=1, batch=2, epochs=1)
+        found.append(made.contract.settings["limb"])
+    assert found == ["left", "right"]
+
+
+def test_a_palm_turns_if_the_goal_names_an_orientation_of_what_it_carries(tmp_path: Path) -> None:
+    tolerance = Tolerance(position_m=0.04, rotation_rad=0.3)
+    placed = ReorientGoal(place_m=(0.0, 0.0, 0.2), tolerance=tolerance)
+    turned = placed.model_copy(update={"quaternion": (0.7071068, 0.0, 0.0, -0.7071068)})
+
+    def settings(goal: Goal, **options: float) -> dict[str, Any]:
+        lift = task_bundles.lift()
+        bundle = lift.model_copy(update={"task": lift.task.model_copy(update={"goal": goal})})
+        return learn(tmp_path, "stub", bundle, **options).contract.settings
+
+    assert settings(turned)["turn_rad"] == 0.3
+    assert settings(turned)["decisions"] == settings(placed)["decisions"] + 3
+    assert "turn_rad" not in settings(placed)
+    assert "turn_rad" not in settings(turned, turn_rad=0.0)
+    assert settings(placed, turn_rad=0.1)["turn_rad"] == 0.1
+
+
+@pytest.mark.medium
 def test_the_state_of_another_training_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     interrupted(tmp_path, 44, monkeypatch)
     _, lines = interrupted(tmp_path, None, monkeypatch, seed=1)
@@ -258,6 +317,39 @@ def test_a_policy_acts_as_it_practised(tmp_path: Path) -> None:
         environment.step(policy.act(environment.observe()))
         acted.append(environment.observe()["previous_action"])
     assert np.array_equal(acted[3::4], practised)
+
+
+@pytest.mark.medium
+def test_a_teacher_acts_as_it_practised(tmp_path: Path) -> None:
+    """One decision for four control periods, bit for bit; where a student acts, each period has a decision anew."""
+    import torch
+
+    made = learn(tmp_path, privileged=True)
+    practice = Practices(BUNDLE, made.contract)
+    ppo = runner("ppo").network
+    network = ppo.of_contract(made.contract)
+    weights.fill(network, weights.from_bytes(made.weights))
+    seen, practised = practice.reset(), []
+    for _ in range(6):
+        with torch.inference_mode():
+            decision = ppo.decide(network, seen[:, : practice.public])
+        seen = practice.step([decision]).numbers
+        practised.append(practice.seen["deployable/previous_action"][0])
+    environment = Environment(BUNDLE)
+    teacher = Teacher(runner("ppo"), made, environment)
+    start = practice.worlds.environments[0].start
+    environment.begin(start)
+    acted = []
+    for _ in range(6 * 4):
+        environment.step(teacher.targets(acted=True))
+        acted.append(environment.observe()["previous_action"])
+    assert np.array_equal(acted[3::4], practised)
+    environment.begin(start)
+    first = teacher.targets(acted=True)
+    environment.step(environment.previous_action)
+    fresh = teacher.targets(acted=False)
+    assert np.array_equal(fresh, Teacher(runner("ppo"), made, environment).targets(acted=True))
+    assert not np.array_equal(fresh, first)
 
 
 @pytest.mark.medium

@@ -10,6 +10,8 @@ from gymnasium.vector import AutoresetMode
 from dextera_build import envs
 from dextera_build.artifacts.packed import pack
 from dextera_build.artifacts.tasks.task import Reset
+from dextera_build.errors import RuleError
+from dextera_build.sim.runtime import starts
 from dextera_build.sim.training.gym import TaskEnv
 from dextera_build.sim.training.vector import TaskVectorEnv
 from tests import task_bundles
@@ -39,6 +41,29 @@ def test_copies_step_as_each_would_alone_and_begin_anew():
             assert infos["success"].tolist() == [row[4]["success"] for row in found]
         over = (terminated | truncated).tolist()
         assert over == [step == 79] * 3
+    together.close()
+
+
+def test_a_copy_whose_next_start_cannot_be_drawn_begins_at_another(monkeypatch):
+    together = TaskVectorEnv(task_bundles.close(reset=WIDE), 2)
+    together.reset(seed=7)
+    draw, asked = starts.draw, []
+
+    def drawn(bundle, model, data, changed, seed, *more, **named):
+        asked.append(seed)
+        if len(asked) == 1:
+            raise RuleError("no start without collisions was found", code="DXB-B211")
+        return draw(bundle, model, data, changed, seed, *more, **named)
+
+    monkeypatch.setattr(starts, "draw", drawn)
+    actions = np.stack([each.previous_action for each in together.worlds.environments])
+    actions[0, 0] = np.nan  # ends the episode of the first copy
+    assert together.step(actions)[2].tolist() == [True, False]
+    assert together.step(actions)[2].tolist() == [False, False]
+    assert together.worlds.environments[0].start.seed == asked[1] == asked[0] + 1
+    asked.clear()
+    with pytest.raises(RuleError, match="no start"):
+        together.reset(seed=7)
     together.close()
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import dxb_backend  # type: ignore[import-not-found]
+import lerobot_ranges  # type: ignore[import-not-found]  # in this folder
 import trainer  # type: ignore[import-not-found]  # in this folder
 
 NAME = "LeRobot's trainer"
@@ -41,7 +42,8 @@ def train(request: Any) -> Any:
     else:
         progress.begin(_step(begun))
     if begun is None or progress.step < common.steps:
-        command = [sys.executable, "-m", _module(lerobot), *_arguments(request, data, run, begun, progress.every)]
+        wide = lerobot_ranges.linked(data, run.with_name("data"), common.least_range_rad)
+        command = [sys.executable, "-m", _module(lerobot), *_arguments(request, wide, run, begun, progress.every)]
         own = {"WANDB_MODE": "disabled", "HF_DATASETS_CACHE": str(run.with_name("read"))}
         trainer.follow(NAME, command, progress.read, str(run.parent), **own)
     made = _last(run)
