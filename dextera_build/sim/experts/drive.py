@@ -188,7 +188,8 @@ class _Run:
             self._observer.sent(command)
         self.recorder.before(action, self._palms(command))
         self.labels.add(command)
-        outcome = self._environment.step(sent)
+        driver.watch.expect(command, self._limits)
+        outcome = self._environment.step(sent, driver.watch.look)
         self.recorder.after(outcome.executed)
         if self._observer:
             self._observer.stepped(outcome)
@@ -199,7 +200,7 @@ class _Run:
         environment, limits = self._environment, self._limits
         control = self._driver.control
         near = next((f"`{one}` near `{other}`" for one, other in control.met(command)), "")
-        reason = self._driver.watch.fault(command, control.lag_m(command), limits, near)
+        reason = self._driver.watch.fault(command, control.lag_m(command), near)
         if reason:
             return True, reason
         if outcome.success:
