@@ -27,7 +27,10 @@ class Filters:
     lag_m: float = 0.02
     """Maximum lag of joint targets behind the commanded palm due to position and speed limits [m]."""
     press_n: float = 1.0
-    """Maximum force of the robot on a body, of all their contacts, except of a hand on what it should touch [N]."""
+    """Maximum force between two bodies that should not touch [N]: the robot and anything but what its hand should
+    touch, or the task's object and what neither carries it nor is named by the goal."""
+    displaced_m: float = 0.005
+    """Maximum displacement of a bystander, a movable body that has no part in the task [m]."""
     fingers: bool = False
     """Whether parts of hands may touch each other at any time, as a person's do, and not in contact with the task's
     object alone."""
@@ -72,6 +75,7 @@ class Watch:
 
     def begin(self) -> None:
         """A new episode; the robot rests at the targets of its start."""
+        self._touch.begin()
         self._start()
 
     def _start(self) -> None:
@@ -110,7 +114,7 @@ class Watch:
         self._sent = [*self._sent[1:], self._environment.previous_action]
         self._touch.intend(self._intended(), fingers=self._limits.fingers)
         self.look()
-        reason = self._lagging(lag_m, near) or self._found or self._moved()
+        reason = self._lagging(lag_m, near) or self._found or self._knocked() or self._moved()
         return f"{reason} in `{command.segment}`" if reason else ""
 
     def _intended(self) -> list[str]:
@@ -135,6 +139,10 @@ class Watch:
                 return f"`{each.one}` was pressed too deep into `{each.other}`"
             self._falling[pair] = first, now
         return ""
+
+    def _knocked(self) -> str:
+        knocked = self._touch.displaced(self._limits.displaced_m)
+        return f"`{knocked}` was knocked or moved" if knocked else ""
 
     def _moved(self) -> str:
         """The joint that moved faster, or was accelerated more, than the robot can."""

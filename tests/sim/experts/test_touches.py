@@ -1,4 +1,4 @@
-"""Filters of contacts find planted faults: between two control periods, of arms, of what adds up."""
+"""Filters of contacts find planted faults: between two control periods, of arms, of what is held, of bystanders."""
 
 from __future__ import annotations
 
@@ -14,15 +14,26 @@ from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.sim.control.operator import Command, Part, State
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.filters import Filters
+from dextera_build.sim.observe.touch import Touch
 from dextera_build.sim.runtime.environment import Environment
 from tests import gantry, task_bundles
 from tests.gantry import LIFT, OPEN, SHUT, Move
+from tests.sim.experts.test_filters import placing
 
-BOX = task_bundles.BOX_M
-PRESS = Filters(lag_m=1.0, press_n=2.0)
+BOX, HALF = task_bundles.BOX_M, task_bundles.HALF_M
+PRESS = Filters(lag_m=1.0, press_n=2.0, displaced_m=np.inf)
 """Contact forces alone."""
+MOVED = replace(PRESS, press_n=np.inf, displaced_m=0.005)
+"""Displacements alone."""
 FAST = (Move((0.0, 0.0, 0.0), OPEN, 0.6, "approach"), *LIFT[2:])
 """Straight and fast to the box."""
+CARRIED = (
+    *LIFT[:3],
+    Move((0.0, 0.0, 0.06), SHUT, 0.6, "lift", "box", True),
+    Move((0.12, 0.0, 0.06), SHUT, 0.8, "carry", "box", True),
+    Move((0.12, 0.0, 0.13), SHUT, 0.6, "lift", "box", True),
+)
+"""Lifts the box, carries it 120 mm to the side, and lifts it higher."""
 
 
 def thing(
@@ -62,6 +73,8 @@ def test_an_impact_between_two_control_periods_is_found(monkeypatch: pytest.Monk
     step = Environment.step
     monkeypatch.setattr(Environment, "step", lambda environment, action, look=None: step(environment, action))
     assert run(bundle, FAST).success
+    # Its displacement shows without any force.
+    assert run(bundle, FAST, MOVED).reason.startswith("`vase` was knocked or moved in `")
 
 
 def test_looking_changes_no_bit_of_the_motion() -> None:
@@ -140,3 +153,48 @@ def test_the_intention_of_one_limb_excuses_no_other() -> None:
     driver = Driver(Environment(task_bundles.lift()))
     operator, start = Idle(driver.environment, TOUCHING), driver.environment.start
     assert driver.run(operator, start, origin="operator", filters=PRESS).reason == "touched `box` in `grasp`"
+
+
+@pytest.mark.medium
+@pytest.mark.parametrize("mass", [0.1, 1.0])
+def test_what_the_held_object_hits_is_found(monkeypatch: pytest.MonkeyPatch, mass: float) -> None:
+    extra = thing(monkeypatch, "vase", (BOX[0] + 0.1, BOX[1]), (0.012, 0.012, 0.06), mass)
+    bundle = task_bundles.lift(extra=extra)
+    bundle = bundle.model_copy(update={"task": bundle.task.model_copy(update={"timeout_s": 8.0})})
+    assert run(bundle, CARRIED).reason == "`box` hit `vase` in `carry`"
+    assert run(bundle, CARRIED, MOVED).reason == "`vase` was knocked or moved in `carry`"
+
+
+@pytest.mark.medium
+def test_a_wall_that_the_held_object_hits_is_found_and_its_table_is_not() -> None:
+    bundle = task_bundles.lift()
+    bundle = bundle.model_copy(update={"task": bundle.task.model_copy(update={"timeout_s": 8.0})})
+    lowered = (*CARRIED[:-1], Move((0.12, 0.0, 0.0), SHUT, 0.8, "lower", "box", True), *CARRIED[-1:])
+    passed = run(bundle, lowered)
+    assert passed.success, passed.reason
+    at = task_bundles.WORLD_FROM_BASE @ [BOX[0] + 0.1, BOX[1], 0.06, 1.0]
+    wall = f'<geom name="static_wall" type="box" size="0.012 0.012 0.06" pos="{at[0]} {at[1]} {at[2]}"/>'
+    walled = task_bundles.lift(extra=wall)
+    assert run(walled, CARRIED).reason == "`box` hit `wall` in `carry`"
+
+
+@pytest.mark.parametrize(
+    ("place", "bundle", "reason"),
+    [
+        ((BOX[0], BOX[1]), task_bundles.lift, ""),
+        ((BOX[0], BOX[1] + 0.06), placing, ""),
+        ((BOX[0], BOX[1] + 0.06), task_bundles.lift, "plate"),
+    ],
+)
+def test_what_carries_the_object_or_shall_carry_it_is_no_bystander(
+    monkeypatch: pytest.MonkeyPatch, place: tuple[float, float], bundle: object, reason: str
+) -> None:
+    extra = thing(monkeypatch, "plate", place, (0.018, 0.018, 0.0005))
+    lift = task_bundles.lift
+    monkeypatch.setattr(task_bundles, "lift", lambda: lift(extra=extra))
+    environment = Environment(bundle() if bundle is placing else task_bundles.lift())
+    touch = Touch(environment)
+    assert not touch.displaced(0.005)
+    environment.data.joint(environment.model.body("plate").jntadr[0]).qpos[0] += 0.006
+    mujoco.mj_forward(environment.model, environment.data)
+    assert touch.displaced(0.005) == reason
