@@ -42,7 +42,7 @@ class Filters:
     speed: float = np.inf
     """Maximum measured speed of a joint, as a multiple of its own limit."""
     acceleration: float = np.inf
-    """Maximum acceleration of the targets sent to an arm's joint, as a multiple of its own limit."""
+    """Maximum acceleration of the targets of an arm's joint, sent and labelled, as a multiple of its own limit."""
     hold_s: float = 0.0
     """Time for which success must last, if the task demands less [s]."""
 
@@ -80,7 +80,7 @@ class Watch:
 
     def _start(self) -> None:
         rest = self._environment.previous_action
-        self._sent = [rest] * 3
+        self._sent, self._labels = [rest] * 3, [rest] * 3
         # Limb -> whether its hand should touch something; a limb without a target goes on with what it did.
         self._touches: dict[str, bool] = {}
         # Pairs of bodies without the robot that are too deep -> first and last time [s].
@@ -103,15 +103,17 @@ class Watch:
         """Note the first violation by contacts at this moment."""
         self._found = self._found or self._touch.unintended(self._limits.press_n) or self._deep()
 
-    def fault(self, command: Command, lag_m: float, near: str = "") -> str:
+    def fault(self, command: Command, lag_m: float, label: np.ndarray, near: str = "") -> str:
         """The first violation in the control period that has just ended; empty if there is none.
 
         Args:
             command: The command of this period.
             lag_m: Lag of the joint targets behind it [m].
+            label: Joint targets (A,) of the command without noise and perturbation [rad].
             near: Parts of the robot that stopped it before they met, if some did.
         """
         self._sent = [*self._sent[1:], self._environment.previous_action]
+        self._labels = [*self._labels[1:], label]
         self._touch.intend(self._intended(), fingers=self._limits.fingers)
         self.look()
         reason = self._lagging(lag_m, near) or self._found or self._knocked() or self._moved()
@@ -150,10 +152,13 @@ class Watch:
         speed = np.abs(self._environment.data.qvel[self._dofs])
         if found := self._joint(speed > self._speeds * limits.speed):
             return f"joint `{found}` moved faster than its limit"
-        before, last, now = self._sent
-        bend = np.abs(now - 2 * last + before) / period**2
-        found = self._joint(self._arm & (bend > self._accelerations * limits.acceleration))
-        return f"joint `{found}` was accelerated above its limit" if found else ""
+        for said, (before, last, now) in (("", self._sent), ("the label of ", self._labels)):
+            bend = np.abs(now - 2 * last + before) / period**2
+            if found := self._joint(self._arm & (bend > self._accelerations * limits.acceleration)):
+                return f"{said}joint `{found}` was accelerated above its limit"
+        step = np.abs(self._labels[-1] - self._labels[-2]) / period
+        found = self._joint(step > self._speeds * limits.speed + 1e-9)
+        return f"the label of joint `{found}` was faster than its limit" if found else ""
 
     def _joint(self, where: np.ndarray) -> str:
         """The first joint where (A,) is True; empty if there is none."""

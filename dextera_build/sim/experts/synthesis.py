@@ -165,15 +165,16 @@ class Synthesis:
         return commands
 
     def _followed(self, commands: Sequence[Command]) -> bool:
-        """Whether the arms can follow what is executed from here, with a share of their acceleration left for noise."""
+        """Whether the arms can follow label and hand from here, with a share of their acceleration left for noise."""
         assert self._control is not None
         limbs = tuple(commands[0].aims)
         arms = self._control.arms(limbs)
-        palms = [np.array([{**each.aims, **each.off}[limb].palm for limb in limbs]) for each in commands]
         most = SPARE_PERTURBED * self._limits([self._names.index(name) for name in arms.joints]).acceleration
-        sent = self._joints(arms, palms, 1.0)
-        found = accelerations(sent, np.zeros(len(arms.joints)), 1.0 / self._rate)
-        return bool((found <= most).all())
+        for followed in ([{**each.aims, **each.off} for each in commands], [each.aims for each in commands]):
+            sent = self._joints(arms, [np.array([aims[limb].palm for limb in limbs]) for aims in followed], 1.0)
+            if (accelerations(sent, np.zeros(len(arms.joints)), 1.0 / self._rate) > most).any():
+                return False
+        return True
 
     def _adapted(
         self, candidates: Sequence[Source], stage: int, plans: Mapping[str, _Planned]
