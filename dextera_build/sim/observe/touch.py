@@ -189,9 +189,12 @@ class Touch:
         goal = np.array(self._environment.primitive.target() or [np.nan], np.float64)
         if not np.isfinite(goal).all():
             return np.zeros(len(self._kinds), bool)
-        geom = np.full(1, -1, np.int32)
-        mujoco.mj_ray(self._model, self._data, goal + LIFTED_M * self._up, -self._up, None, 1, self._object, geom)
-        return self._bystander(int(geom[0]))
+        # Above it in the air, the object rests on nothing.
+        points = self._environment.bundle.objects[self._environment.task.object].points
+        reach = float(np.linalg.norm(points, axis=1).max(initial=0.0)) + 2 * LIFTED_M
+        geom, above = np.full(1, -1, np.int32), goal + LIFTED_M * self._up
+        away = mujoco.mj_ray(self._model, self._data, above, -self._up, None, True, self._object, geom)
+        return self._bystander(int(geom[0]) if away <= reach else -1)
 
     def _bystander(self, geom: int) -> np.ndarray:
         """Geoms of the bystander of which a geom is a part, (ngeom,) bool; none if it is of something else."""

@@ -15,6 +15,7 @@ from dextera_build.sim.control.operator import Command, Part, State
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.filters import Filters
 from dextera_build.sim.observe.touch import Touch
+from dextera_build.sim.primitives.pick_and_place.primitive import PlaceGoal
 from dextera_build.sim.runtime.environment import Environment
 from tests import gantry, task_bundles
 from tests.gantry import LIFT, OPEN, SHUT, Move
@@ -179,22 +180,25 @@ def test_a_wall_that_the_held_object_hits_is_found_and_its_table_is_not() -> Non
 
 
 @pytest.mark.parametrize(
-    ("place", "bundle", "reason"),
-    [
-        ((BOX[0], BOX[1]), task_bundles.lift, ""),
-        ((BOX[0], BOX[1] + 0.06), placing, ""),
-        ((BOX[0], BOX[1] + 0.06), task_bundles.lift, "plate"),
-    ],
+    ("aside_m", "goal_m", "found"),
+    [(0.0, None, ""), (0.06, 0.0, ""), (0.06, 0.3, "plate"), (0.06, None, "plate")],
+    ids=["carries it", "shall carry it", "is far below the goal", "has no part in the lift"],
 )
-def test_what_carries_the_object_or_shall_carry_it_is_no_bystander(
-    monkeypatch: pytest.MonkeyPatch, place: tuple[float, float], bundle: object, reason: str
+def test_what_carries_the_object_is_no_bystander(
+    monkeypatch: pytest.MonkeyPatch, aside_m: float, goal_m: float | None, found: str
 ) -> None:
-    extra = thing(monkeypatch, "plate", place, (0.018, 0.018, 0.0005))
-    lift = task_bundles.lift
-    monkeypatch.setattr(task_bundles, "lift", lambda: lift(extra=extra))
-    environment = Environment(bundle() if bundle is placing else task_bundles.lift())
+    extra = thing(monkeypatch, "plate", (BOX[0], BOX[1] + aside_m), (0.018, 0.018, 0.0005))
+    bundle = task_bundles.lift(extra=extra)
+    if goal_m is not None:
+        goal = placing().task.goal
+        assert isinstance(goal, PlaceGoal)
+        place = (*goal.place_m[:2], goal.place_m[2] + goal_m)
+        task = bundle.task.model_copy(update={"goal": goal.model_copy(update={"place_m": place})})
+        bundle = bundle.model_copy(update={"task": task})
+    environment = Environment(bundle)
     touch = Touch(environment)
     assert not touch.displaced(0.005)
-    environment.data.joint(environment.model.body("plate").jntadr[0]).qpos[0] += 0.006
+    plate = environment.model.body("plate").jntadr[0]
+    environment.data.joint(plate).qpos[0] += 0.006
     mujoco.mj_forward(environment.model, environment.data)
-    assert touch.displaced(0.005) == reason
+    assert touch.displaced(0.005) == found
