@@ -44,7 +44,9 @@ class SynthesizeOptions(Options):
     lag_m: PositiveFloat = 0.02
     """Episodes in which joint limits keep the palm farther than this from its command are discarded [m]."""
     press_n: NonNegativeFloat = 2.0
-    """Episodes with an unintended contact above this force are discarded [N]."""
+    """Episodes in which two bodies that should not touch press each other with more than this are discarded [N]."""
+    displaced_m: PositiveFloat = 0.005
+    """Episodes in which a movable body without a part in the task is displaced by more are discarded [m]."""
     depth_m: PositiveFloat = 0.002
     """Episodes in which the robot or an object penetrates anything by more than this are discarded [m]."""
     grip_m: PositiveFloat = 0.006

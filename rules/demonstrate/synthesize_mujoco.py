@@ -79,6 +79,7 @@ def _manner(options: SynthesizeOptions) -> synthesis.Manner:
         filters=Filters(
             lag_m=options.lag_m,
             press_n=options.press_n,
+            displaced_m=options.displaced_m,
             depth_m=options.depth_m,
             grip_m=options.grip_m,
             speed=options.speed,

@@ -138,7 +138,7 @@ class _Run:
         self._environment, self._disturbance = driver.environment, disturbance
         self.recorder, self.labels = Recorder(driver.environment), _Labels()
         self.segment = "the plan"
-        self._off = False
+        self._apart = False
         # Number of the first control period with success.
         self._since = 0
 
@@ -174,13 +174,11 @@ class _Run:
 
     def _step(self, command: Command) -> Outcome:
         driver = self._driver
-        if self._off and not command.off:
-            # The label goes on from where the robot was taken to.
-            driver.control.begin(driver.noisy.targets)
-        self._off = bool(command.off)
+        # After a perturbation the joints of label and robot may differ at the same pose of the palm.
+        self._apart = self._apart or bool(command.off) or not self._disturbance.is_still
         action = driver.follow(command)
         sent = action
-        if command.off or not self._disturbance.is_still:
+        if self._apart:
             sent = driver.noisy.follow(self._disturbance.on(replace(command, aims={**command.aims, **command.off})))
         else:
             driver.noisy.begin(action)
@@ -188,7 +186,8 @@ class _Run:
             self._observer.sent(command)
         self.recorder.before(action, self._palms(command))
         self.labels.add(command)
-        outcome = self._environment.step(sent)
+        driver.watch.expect(command, self._limits)
+        outcome = self._environment.step(sent, driver.watch.look)
         self.recorder.after(outcome.executed)
         if self._observer:
             self._observer.stepped(outcome)
@@ -199,7 +198,7 @@ class _Run:
         environment, limits = self._environment, self._limits
         control = self._driver.control
         near = next((f"`{one}` near `{other}`" for one, other in control.met(command)), "")
-        reason = self._driver.watch.fault(command, control.lag_m(command), limits, near)
+        reason = self._driver.watch.fault(command, control.lag_m(command), control.targets, near)
         if reason:
             return True, reason
         if outcome.success:

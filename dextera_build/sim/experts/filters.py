@@ -1,4 +1,8 @@
-"""Filters: limits whose violation discards an episode, checked in every control period."""
+"""Filters: limits whose violation discards an episode.
+
+Contact forces and penetration are checked in every substep of the simulation, because an impact lasts a few of them;
+everything else at the end of every control period.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +27,10 @@ class Filters:
     lag_m: float = 0.02
     """Maximum lag of joint targets behind the commanded palm due to position and speed limits [m]."""
     press_n: float = 1.0
-    """Maximum force of an unintended contact [N]."""
+    """Maximum force between two bodies that should not touch [N]: the robot and anything but what its hand should
+    touch, or the task's object and what neither carries it nor is named by the goal."""
+    displaced_m: float = 0.005
+    """Maximum displacement of a bystander, a movable body that has no part in the task [m]."""
     fingers: bool = False
     """Whether parts of hands may touch each other at any time, as a person's do, and not in contact with the task's
     object alone."""
@@ -35,7 +42,7 @@ class Filters:
     speed: float = np.inf
     """Maximum measured speed of a joint, as a multiple of its own limit."""
     acceleration: float = np.inf
-    """Maximum acceleration of the targets sent to an arm's joint, as a multiple of its own limit."""
+    """Maximum acceleration of the targets of an arm's joint, sent and labelled, as a multiple of its own limit."""
     hold_s: float = 0.0
     """Time for which success must last, if the task demands less [s]."""
 
@@ -59,57 +66,100 @@ class Watch:
         self._touch = Touch(environment)
         joints = environment.bundle.robot.joints
         self._names = [joint.name for joint in joints]
-        self._limits = np.array([joint.velocity for joint in joints])
+        self._speeds = np.array([joint.velocity for joint in joints])
         self._accelerations = np.array([joint.acceleration for joint in joints])
         self._arm = np.array([joint.group == "arm" for joint in joints])
         self._dofs = np.array([environment.model.joint(ROBOT + name).dofadr[0] for name in self._names])
-        self._sent = [np.zeros(len(joints))] * 3
-        # Pairs of bodies without the robot that are too deep now -> number of the first such control period.
-        self._falling: dict[tuple[str, str], int] = {}
+        self._limits = Filters()
+        self._start()
 
     def begin(self) -> None:
         """A new episode; the robot rests at the targets of its start."""
-        self._sent = [self._environment.previous_action] * 3
-        self._falling = {}
+        self._touch.begin()
+        self._start()
 
-    def fault(self, command: Command, lag_m: float, limits: Filters, near: str = "") -> str:
+    def _start(self) -> None:
+        rest = self._environment.previous_action
+        self._sent, self._labels = [rest] * 3, [rest] * 3
+        # Limb -> whether its hand should touch something; a limb without a target goes on with what it did.
+        self._touches: dict[str, bool] = {}
+        # Pairs of bodies without the robot that are too deep -> first and last time [s].
+        self._falling: dict[tuple[str, str], tuple[float, float]] = {}
+        self._found = ""
+
+    def expect(self, command: Command, limits: Filters) -> None:
+        """A control period with a command begins, in which `look` is called after every substep.
+
+        Args:
+            command: The command of this period; what the last one intended may still be touched.
+            limits: What is allowed.
+        """
+        before = [limb for limb, touches in self._touches.items() if touches]
+        self._touches |= {limb: command.part(limb).contact for limb in command.aims}
+        self._limits, self._found = limits, ""
+        self._touch.intend([*before, *self._intended()], fingers=limits.fingers)
+
+    def look(self) -> None:
+        """Note the first violation by contacts at this moment."""
+        self._found = self._found or self._touch.unintended(self._limits.press_n) or self._deep()
+
+    def fault(self, command: Command, lag_m: float, label: np.ndarray, near: str = "") -> str:
         """The first violation in the control period that has just ended; empty if there is none.
 
         Args:
             command: The command of this period.
             lag_m: Lag of the joint targets behind it [m].
-            limits: What is allowed.
+            label: Joint targets (A,) of the command without noise and perturbation [rad].
             near: Parts of the robot that stopped it before they met, if some did.
         """
         self._sent = [*self._sent[1:], self._environment.previous_action]
-        if lag_m > limits.lag_m:
-            held = near or "limits of the arm's joints or speeds"
-            return f"{held} held the hand back in `{command.segment}`"
-        touched = self._touch.unintended(command.contact, limits.press_n, fingers=limits.fingers)
-        if touched:
-            return f"touched `{touched}` in `{command.segment}`"
-        deep = self._pressed(command.contact, limits)
-        if deep:
-            return f"`{deep[0]}` was pressed too deep into `{deep[1]}` in `{command.segment}`"
-        return self._moved(command.segment, limits)
+        self._labels = [*self._labels[1:], label]
+        self._touch.intend(self._intended(), fingers=self._limits.fingers)
+        self.look()
+        reason = self._lagging(lag_m, near) or self._found or self._knocked() or self._moved()
+        return f"{reason} in `{command.segment}`" if reason else ""
 
-    def _pressed(self, contact: bool, limits: Filters) -> tuple[str, str] | None:
+    def _intended(self) -> list[str]:
+        return [limb for limb, touches in self._touches.items() if touches]
+
+    def _lagging(self, lag_m: float, near: str) -> str:
+        held = near or "limits of the arm's joints or speeds"
+        return f"{held} held the hand back" if lag_m > self._limits.lag_m else ""
+
+    def _deep(self) -> str:
         """Two bodies that are pressed together too much; an impact of what was let go is none."""
-        deep = self._touch.deeper(contact, limits.depth_m, limits.grip_m)
-        steps, period = self._environment.steps, self._environment.period_s
-        self._falling = {each[:2]: self._falling.get(each[:2], steps) for each in deep if each.free}
+        deep = self._touch.deeper(self._limits.depth_m, self._limits.grip_m)
+        if not deep:
+            return ""
+        now, period = float(self._environment.data.time), self._environment.period_s
         for each in deep:
-            if not each.free or (steps - self._falling[each[:2]]) * period >= IMPACT_S - 1e-9:
-                return each[:2]
-        return None
+            pair = each[:2]
+            first, last = self._falling.get(pair, (now, now))
+            # What bounces does not begin anew.
+            first = first if now - last <= period + 1e-9 else now
+            if not each.free or now - first >= IMPACT_S - 1e-9:
+                return f"`{each.one}` was pressed too deep into `{each.other}`"
+            self._falling[pair] = first, now
+        return ""
 
-    def _moved(self, segment: str, limits: Filters) -> str:
+    def _knocked(self) -> str:
+        knocked = self._touch.displaced(self._limits.displaced_m)
+        return f"`{knocked}` was knocked or moved" if knocked else ""
+
+    def _moved(self) -> str:
         """The joint that moved faster, or was accelerated more, than the robot can."""
+        limits, period = self._limits, self._environment.period_s
         speed = np.abs(self._environment.data.qvel[self._dofs])
-        fast = np.flatnonzero(speed > self._limits * limits.speed)
-        if len(fast):
-            return f"joint `{self._names[fast[0]]}` moved faster than its limit in `{segment}`"
-        before, last, now = self._sent
-        bend = np.abs(now - 2 * last + before) / self._environment.period_s**2
-        bent = np.flatnonzero(self._arm & (bend > self._accelerations * limits.acceleration))
-        return f"joint `{self._names[bent[0]]}` was accelerated above its limit in `{segment}`" if len(bent) else ""
+        if found := self._joint(speed > self._speeds * limits.speed):
+            return f"joint `{found}` moved faster than its limit"
+        for said, (before, last, now) in (("", self._sent), ("the label of ", self._labels)):
+            bend = np.abs(now - 2 * last + before) / period**2
+            if found := self._joint(self._arm & (bend > self._accelerations * limits.acceleration)):
+                return f"{said}joint `{found}` was accelerated above its limit"
+        step = np.abs(self._labels[-1] - self._labels[-2]) / period
+        found = self._joint(step > self._speeds * limits.speed + 1e-9)
+        return f"the label of joint `{found}` was faster than its limit" if found else ""
+
+    def _joint(self, where: np.ndarray) -> str:
+        """The first joint where (A,) is True; empty if there is none."""
+        return self._names[int(where.argmax())] if where.any() else ""

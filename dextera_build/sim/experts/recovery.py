@@ -1,8 +1,10 @@
 """Perturb and recover: the robot leaves its path, and the label leads back to it.
 
 Copies of clean motion do not show a policy what to do when it is off the path. In a perturbation the executed hand
-leaves the path by a random displacement while the label stays on it; then both return to the path, so that this part
-of the label was demonstrated from where the robot is.
+leaves the path by a random displacement. The label stays on the path, then follows, always nearer to the path than the
+hand, and meets it at the end; from there both return to the path together, so that this part of the label was
+demonstrated from where the robot is. A label that jumped from the path to the hand would be one that no robot can
+follow, and contradict that of the state next to it.
 """
 
 from __future__ import annotations
@@ -18,6 +20,8 @@ from dextera_build.sim.experts.motion import minimum_jerk
 
 LEAVES, RETURNS = 15, 20
 """Control steps in which the hand leaves its path, and in which it returns to it."""
+FOLLOWS = 12
+"""Control steps at the end of `LEAVES` in which the label follows the hand."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +63,8 @@ def recovering(commands: Sequence[Command], recovery: Recovery, random: np.rando
         step = number - first + 1
         if 0 < step <= LEAVES:
             off = _displaced(command, away, minimum_jerk(step / LEAVES))
-            yield replace(_called(command, "perturb"), off=off)
+            aims = _displaced(command, away, minimum_jerk(max(0, step - LEAVES + FOLLOWS) / FOLLOWS))
+            yield replace(_called(command, "perturb"), aims=aims, off=off)
         elif LEAVES < step <= LEAVES + RETURNS:
             back = _displaced(command, away, 1.0 - minimum_jerk((step - LEAVES) / RETURNS))
             yield replace(_called(command, "recover"), aims=back)

@@ -115,8 +115,8 @@ class Synthesis:
         palms = environment.palm_poses()
         self._palms = {limb: to_matrix(palms[row]) for row, limb in enumerate(self._limbs)}
         self._fingers = {limb: environment.previous_action[self._hands[limb]] for limb in self._limbs}
-        # Speeds of the arms' joints at the end of the last window.
-        self._last: tuple[tuple[str, ...], np.ndarray] = ((), np.zeros(0))
+        # Speeds of all joints at the end of the last window; those of limbs that it did not move are 0.
+        self._last = np.zeros(len(self._names))
         self._objects: Mapping[str, np.ndarray] = {}
         self._commands: Iterator[Command] = iter(())
         self.used: list[str] = []
@@ -165,15 +165,16 @@ class Synthesis:
         return commands
 
     def _followed(self, commands: Sequence[Command]) -> bool:
-        """Whether the arms can follow what is executed from here, with a share of their acceleration left for noise."""
+        """Whether the arms can follow label and hand from here, with a share of their acceleration left for noise."""
         assert self._control is not None
         limbs = tuple(commands[0].aims)
         arms = self._control.arms(limbs)
-        palms = [np.array([{**each.aims, **each.off}[limb].palm for limb in limbs]) for each in commands]
         most = SPARE_PERTURBED * self._limits([self._names.index(name) for name in arms.joints]).acceleration
-        sent = self._joints(arms, palms, 1.0)
-        found = accelerations(sent, np.zeros(len(arms.joints)), 1.0 / self._rate)
-        return bool((found <= most).all())
+        for followed in ([{**each.aims, **each.off} for each in commands], [each.aims for each in commands]):
+            sent = self._joints(arms, [np.array([aims[limb].palm for limb in limbs]) for aims in followed], 1.0)
+            if (accelerations(sent, np.zeros(len(arms.joints)), 1.0 / self._rate) > most).any():
+                return False
+        return True
 
     def _adapted(
         self, candidates: Sequence[Source], stage: int, plans: Mapping[str, _Planned]
@@ -317,8 +318,8 @@ class Synthesis:
         if self._control is None:
             return moments(path.least)
         period, arms = 1.0 / self._rate, self._control.arms(path.limbs)
-        limits = self._spared([self._names.index(name) for name in arms.joints])
-        before = self._last[1] if self._last[0] == path.limbs else np.zeros(len(arms.joints))
+        moved = [self._names.index(name) for name in arms.joints]
+        limits, before = self._spared(moved), self._last[moved]
         shown = self._joints(arms, path.palms[1:], LOOSE)
         least = np.maximum(path.least, self._closing(path))
         for revision in range(REVISIONS):
@@ -334,7 +335,8 @@ class Synthesis:
                 raise GaveUp(f"no slower motion keeps the arm within its acceleration in `{segment}`")
             least = slower(least, places, excess)
         self._check_reached(path, places, arms, sent[1:])
-        self._last = path.limbs, (sent[-1] - sent[-2]) / period
+        self._last[:] = 0.0
+        self._last[moved] = (sent[-1] - sent[-2]) / period
         return places
 
     def _check_reached(self, path: Path, places: np.ndarray, arms: ArmKinematics, sent: np.ndarray) -> None:

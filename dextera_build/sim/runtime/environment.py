@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -162,15 +162,15 @@ class Environment:
         self.judge = Judge(self._judged, self.now, shapes, staged=self.staged)
         return self.observe()
 
-    def step(self, action: np.ndarray) -> Outcome:
+    def step(self, action: np.ndarray, look: Callable[[], None] | None = None) -> Outcome:
         """Send joint targets for one control period.
 
-        A non-finite target is not sent; it ends the episode with a reason.
+        A non-finite target is not sent; it ends the episode with a reason. For `look` see `advance`.
         """
         target = self.limited(action)
         if target is None:
             return self.broken(action)
-        self.advance(target)
+        self.advance(target, look)
         return self.conclude(target)
 
     def limited(self, action: np.ndarray) -> np.ndarray | None:
@@ -311,16 +311,29 @@ class Environment:
         """T_world_body (4, 4)."""
         return transforms.rigid(self._xmat[body].reshape(3, 3), self._xpos[body])
 
-    def advance(self, target: np.ndarray) -> None:
-        """Simulate a control period on the way to `target` (A,) [rad], and make positions and forces match."""
+    def advance(self, target: np.ndarray, look: Callable[[], None] | None = None) -> None:
+        """Simulate a control period on the way to `target` (A,) [rad], and make positions and forces match.
+
+        Args:
+            target: Joint targets.
+            look: Called after every substep, when contacts and their forces are those at its beginning; it may only
+                read, and the motion is the same bit for bit.
+        """
         # The first step can reuse the results of `mj_forward`, unless positions were changed since.
         ready = self._seen == (self._qpos.tobytes(), self._qvel.tobytes())
         for steps in self.commands(target):
             if ready:
                 mujoco.mj_step2(self.model, self.data)
-            if steps > ready:
-                mujoco.mj_step(self.model, self.data, steps - ready)
-            ready = False
+                if look is not None:
+                    look()
+            rest, ready = steps - ready, False
+            if look is None:
+                if rest:
+                    mujoco.mj_step(self.model, self.data, rest)
+                continue
+            for _ in range(rest):
+                mujoco.mj_step(self.model, self.data)
+                look()
         self._forward()
 
     def _forward(self) -> None:

@@ -10,11 +10,16 @@ import pytest
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError
+from dextera_build.sim.control.operator import Part, PoseControl
 from dextera_build.sim.experts import planning
 from dextera_build.sim.experts.collision_check import CollisionCheck
 from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.experts.filters import SETTLE_RAD_S, SYNTHESIS
 from dextera_build.sim.experts.grasps import candidates
+from dextera_build.sim.experts.motion import shifted
+from dextera_build.sim.experts.paths import Path as Way
 from dextera_build.sim.experts.reach import Reach
+from dextera_build.sim.experts.synthesis import SPARE_ACCELERATION, Manner, Synthesis
 from dextera_build.sim.primitives.handover.primitive import HandoverGoal
 from dextera_build.sim.primitives.lift.primitive import LiftGoal
 from dextera_build.sim.primitives.lift.script import Lift
@@ -57,6 +62,37 @@ def test_who_does_a_task_follows_from_its_limbs_and_its_goal(robot: RobotModel) 
     bundle = task(robot, "left")
     given = bundle.model_copy(update={"task": bundle.task.model_copy(update={"goal": goal})})
     assert hands(given) == [("right", "left")]
+
+
+@pytest.mark.medium
+def test_an_arm_goes_on_at_its_speed_when_another_one_joins_it(robot: RobotModel) -> None:
+    environment = Environment(task(robot, "left"))
+    control = PoseControl(robot, environment.task.control_hz, SETTLE_RAD_S)
+    control.begin(environment.previous_action)
+    operator = Synthesis([], environment, control, Manner(filters=SYNTHESIS), 0)
+    left, right = (control.arms((limb,)).pose(control.targets[places(robot, limb)]) for limb in ("left", "right"))
+    sent = [control.targets] * 3
+    for limbs, begins in ((("left",), 0.0), (("left", "right"), 0.15)):
+        # The left palm goes aside at 0.2 m/s, the right one stays.
+        way = [shifted(left, np.array([0.0, begins + 0.01 * step, 0.0])) for step in range(16)]
+        palms = np.array([[pose, right][: len(limbs)] for pose in way])
+        fingers = tuple(np.zeros((16, len(robot.limbs[limb].hand))) for limb in limbs)
+        joined = len(sent)
+        labels = [{limb: Part("aside") for limb in limbs}] * 15
+        path = Way(limbs, palms, fingers, np.ones(15), labels)
+        for place in operator._places(path):
+            sent.append(control.follow(path.command(place)))
+    bends = np.abs(np.diff(sent, n=2, axis=0)) * environment.task.control_hz**2
+    arms = [number for number, joint in enumerate(robot.joints) if joint.group == "arm"]
+    parts = (bends / [joint.acceleration for joint in robot.joints])[:, arms].max(axis=1)
+    assert parts.max() < SPARE_ACCELERATION + 0.01
+    assert parts[joined - 2 : joined + 2].max() < 0.2
+
+
+def places(robot: RobotModel, limb: str) -> list[int]:
+    """Numbers of the arm's joints."""
+    names = [joint.name for joint in robot.joints]
+    return [names.index(name) for name in robot.limbs[limb].arm]
 
 
 @pytest.mark.slow
