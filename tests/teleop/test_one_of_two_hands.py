@@ -151,7 +151,7 @@ def test_a_hand_that_was_not_measured_moves_nothing(
     rise = seen.hand[-1, :, 2] - seen.hand[0, :, 2]
     assert abs(rise[0]) < 1e-6
     assert rise[1] > 0.01
-    recording = assert_replays(runner, bundle, tmp_path / "take.mcap", take, seen)
+    recording = assert_replays(runner, live.session.environment.bundle, tmp_path / "take.mcap", take, seen)
     assert recording.clutch.any(axis=0).tolist() == [False, True]
     assert recording.takes[0].finger_lengths_m[0] is None
 
@@ -173,27 +173,30 @@ def test_no_take_begins_without_any_measured_hand_nor_with_another_one(opened: C
     live.until("phase", "ready")
 
 
+@pytest.mark.parametrize("limbs", [(), ("left", "right")])
 def test_a_hand_whose_clutch_closes_later_joins_the_take(
     runner: RuleRunner,
     bundle: TaskBundle,
     opened: Callable[..., Live],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
+    limbs: tuple[str, ...],
 ) -> None:
     episodes, takes = shown(monkeypatch)
-    live = opened()
+    live = opened(*limbs)
     hands = Hands(live)
     hands.measured("left", "right", tracked=(2, 2))
     live.session.wish("start")
     hands.until("taking", (2, 2), (0, 1))
     while live.states[-1]["seconds"] < LIMIT_S / 3:
         hands.send((2, 2), (0, 1))
-    assert live.states[-1]["held"] == {"right": False}
+    # A limb that the task needs is commanded before, and held.
+    assert live.states[-1]["held"] == ({"left": True, "right": False} if limbs else {"right": False})
     hands.until("ready", (2, 2))
     (seen,), (take,) = episodes, takes
     third = len(seen.hand) // 3
     assert abs(seen.hand[third, 0, 2] - seen.hand[0, 0, 2]) < 1e-6
     assert (seen.hand[-1, :, 2] - seen.hand[0, :, 2] > 0.01).all()
     assert take.sides == [0, 1]
-    recording = assert_replays(runner, bundle, tmp_path / "take.mcap", take, seen)
+    recording = assert_replays(runner, live.session.environment.bundle, tmp_path / "take.mcap", take, seen)
     assert recording.clutch[[0, -1]].tolist() == [[False, True], [True, True]]

@@ -105,12 +105,12 @@ def test_an_operator_sees_both_hands_where_they_are(
     script = headsets.script(tmp_path)
     if script is None:
         pytest.skip("npm cannot get the emulated headset")
-    hands = stream(20, frame="base", clutch=np.ones((20, 2), bool))
+    hands = stream(40, frame="base", clutch=np.ones((40, 2), bool))
 
     async def use(page: Page, session: Session) -> None:
         await page.run(NO_PICTURES)
         await page.run("session.headset.enter()")
-        for row, heading in ((0, 0.0), (10, 0.0), (10, 0.6)):
+        for row, heading in ((33, 0.0), (38, 0.0), (38, 0.6)):
             session.heading_rad = heading
             still = json.dumps(headsets.still(hands, row))
             await page.run(f"({headsets.PLAY})({still})")
@@ -120,6 +120,9 @@ def test_an_operator_sees_both_hands_where_they_are(
             for hand in (0, 1):
                 place = headsets.turned(np.append(hands.positions[row, hand, 0], [1, 0, 0, 0])[None])[0, :3].tolist()
                 await page.until(f"{headsets.OFF}({hand}, {place}) < 1e-3 ? 1 : 0", 20)
+        # They were never open.
+        words = "import('./panel.js').then((panel) => panel.words(session.facts, session.link, '').right[0])"
+        assert await page.run(words) == "not measured, moves nothing"
         await page.run("session.headset.renderer.xr.getSession().end()")
         await page.until("session.headset.active ? 0 : 1")
         await page.until("session.twin.hands[1].group.position.length() === 0 ? 1 : 0")
