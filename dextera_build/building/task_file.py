@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from dextera_build.artifacts.objects.object import Asset
+from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.code.companions import in_folder, names_in
 from dextera_build.code.loader import Library
 from dextera_build.geometry import cavities, kinematics, transforms
@@ -43,6 +44,14 @@ class Task:
     """Its name and the options of its goal."""
 
 
+def holds(robot: RobotModel) -> bool:
+    """Whether a limb of the robot can hold an object; others push."""
+    return any(
+        limb.gripper is not None or any(grip.against != "nothing" for grip in limb.grips.values())
+        for limb in robot.limbs.values()
+    )
+
+
 def tasks(library: Library, assets: Mapping[str, Asset]) -> list[Task]:
     """Tasks for the objects that primitives propose, in their `proposals.py`.
 
@@ -61,18 +70,17 @@ def tasks(library: Library, assets: Mapping[str, Asset]) -> list[Task]:
     ]
 
 
-def text(twin: str, robot: str, assets: Mapping[str, Asset], library: Library) -> str:
+def text(twin: str, robot: str, assets: Mapping[str, Asset], found: Sequence[Task]) -> str:
     """The file.
 
     Args:
         twin: Address of the twin's recipe.
         robot: Address of the robot's recipe.
         assets: Label -> object of the twin.
-        library: Has the primitives of the project.
+        found: The tasks.
     """
     places = np.array([asset.pose.matrix[:3, 3] for asset in assets.values()])
     x, y = float(places[:, 0].mean()), float(places[:, 1].max()) + BEHIND_M
-    found = tasks(library, assets)
     lines = [line for task in found for line in _node(task)]
     names = ", ".join(_snake(task.proposal.name) for task in found)
     end = f"targets:\n  default: [{names}]\n"

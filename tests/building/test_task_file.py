@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 
+from dextera_build.artifacts.robots.limb import Grip, Gripper
+from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.building import task_file
 from dextera_build.code.loader import Library
 from dextera_build.recipe import strict_yaml
 from dextera_build.sim.primitives import folders
 from rules.simulate.task.task import TaskOptions
-from tests import factories
+from tests import episodes, factories
 
 ASSETS = {
     "red_box": factories.box_asset(factories.pose(0.1, 0.0), size=(0.04, 0.04, 0.05)),
@@ -33,7 +35,7 @@ def test_what_is_proposed_follows_from_shape_and_joints() -> None:
 
 
 def test_the_recipe_can_be_read_and_its_tasks_are_valid() -> None:
-    text = task_file.text("twin/mine", "robot/mine", ASSETS, Library())
+    text = task_file.text("twin/mine", "robot/mine", ASSETS, task_file.tasks(Library(), ASSETS))
     recipe = strict_yaml.parse(text, "mine.yaml").plain()
     nodes = recipe["nodes"]
     assert recipe["inputs"]["scene"] == "twin/mine:scene"
@@ -43,3 +45,21 @@ def test_the_recipe_can_be_read_and_its_tasks_are_valid() -> None:
         own = given.pop(given["primitive"])
         assert TaskOptions.model_validate_json(json.dumps(given)).primitive == given["primitive"]
         folders.module(given["primitive"], "primitive").Options.model_validate_json(json.dumps(own))
+
+
+def test_tasks_say_whether_a_hand_has_to_hold_the_object() -> None:
+    found = [task.proposal for task in task_file.tasks(Library(), ASSETS)]
+    assert [each.name for each in found if not each.holds] == ["PushBowl", "CloseLaptop", "PushRedBox"]
+
+
+def test_a_robot_holds_with_a_gripper_or_with_a_grip_against_something() -> None:
+    robot = episodes.robot()
+    limb = robot.limbs["arm"]
+    pushes = Grip(against="nothing", open={})
+
+    def with_(**fields: object) -> RobotModel:
+        return robot.model_copy(update={"limbs": {"arm": limb.model_copy(update=fields)}})
+
+    assert not task_file.holds(with_(grips={"point": pushes}))
+    assert task_file.holds(with_(grips={"point": pushes, "pinch": Grip(against="thumb", open={})}))
+    assert task_file.holds(with_(gripper=Gripper(joint="joint_3", open=0.1, closed=0.0)))

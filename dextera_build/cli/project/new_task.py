@@ -6,12 +6,18 @@ import argparse
 import re
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from dextera_build.cli import options
 from dextera_build.cli.project import written
 from dextera_build.cli.table import writing
-from dextera_build.errors import UsageError
+from dextera_build.errors import DxbError, UsageError, listing
 from dextera_build.project.planning import refuse_unknown
+
+if TYPE_CHECKING:
+    from dextera_build.artifacts.objects.object import Asset
+    from dextera_build.artifacts.robots.robot import RobotModel
+    from dextera_build.session import Session
 
 _ROBOT = "robot/kuka_leap"
 _ASSET = re.compile(r"body\[(.+)\]\.asset")
@@ -24,8 +30,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(
             "a task takes the recipe of its twin", code="DXB-U217", hint="`dxb new task twin/laptop_scene`"
         )
-    from dextera_build.building import task_file, values
-    from dextera_build.cli.consoles import console
+    from dextera_build.building import task_file
 
     session, node = options.session(args, args.name, makes=True)
     if node:
@@ -35,6 +40,38 @@ def run(args: argparse.Namespace) -> int:
     out = Path(args.out) if args.out else place
     if out.exists():
         raise UsageError(f"`{out}` exists already", code="DXB-U191", hint="`-o FILE` writes to another file")
+    assets = _assets(session)
+    if assets is None:
+        return 1
+    robot, library = args.object or _ROBOT, session.project.library
+    every = task_file.tasks(library, assets)
+    model = _model(session, robot)
+    found = every if model is None or task_file.holds(model) else [task for task in every if not task.proposal.holds]
+    if not found:
+        raise UsageError(f"no task is known for the objects of `{session.recipe}` and {robot}", code="DXB-U214")
+    with writing(out):
+        out.parent.mkdir(parents=True, exist_ok=True)
+        out.write_text(task_file.text(session.recipe, robot, assets, found))
+    print(session.project.shown(out.absolute()))
+    for task in found:
+        print(f"  {task.proposal.name}: {task.primitive} `{task.object}`")
+    if left := [task.proposal.name for task in every if task not in found]:
+        print(f"  left out, because {robot} has no grip that holds: {listing(left)}", file=sys.stderr)
+    made, first = written.address(session.project, out, place)
+    print(f"  {first}keep the tasks that you want, check every marked guess, then: dxb build {made}", file=sys.stderr)
+    print(
+        "  to record demonstrations and train a policy, put one of them into a recipe with `extends: task/line`; "
+        "`dxb plan task/line` lists its steps and the inputs that it needs",
+        file=sys.stderr,
+    )
+    return 0
+
+
+def _assets(session: Session) -> dict[str, Asset] | None:
+    """Label -> object of a twin, built as far as they are stale; None if one failed."""
+    from dextera_build.building import values
+    from dextera_build.cli.consoles import console
+
     refuse_unknown(session.project, session.recipe)
     recipe = session.project.recipe(session.recipe)
     missing = [each for each in ("scene", "body", "ground") if recipe is None or each not in recipe.nodes]
@@ -47,23 +84,24 @@ def run(args: argparse.Namespace) -> int:
     with console(session.project.console, sys.stderr, verbose=False) as shown:
         result = values.run(session, ("body.asset",), shown)
     if not result.ok:
-        return 1
+        return None
     labels = {each: match.group(1) for each in result.nodes if (match := _ASSET.fullmatch(each))}
     assets = {label: values.value(session, result, each) for each, label in labels.items()}
     if not assets:
         raise UsageError(f"`{session.recipe}` has no objects", code="DXB-U214", hint="look at `dxb view`")
-    robot, library = args.object or _ROBOT, session.project.library
-    with writing(out):
-        out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(task_file.text(session.recipe, robot, assets, library))
-    print(session.project.shown(out.absolute()))
-    for task in task_file.tasks(library, assets):
-        print(f"  {task.proposal.name}: {task.primitive} `{task.object}`")
-    made, first = written.address(session.project, out, place)
-    print(f"  {first}keep the tasks that you want, check every marked guess, then: dxb build {made}", file=sys.stderr)
-    print(
-        "  to record demonstrations and train a policy, put one of them into a recipe with `extends: task/line`; "
-        "`dxb plan task/line` lists its steps and the inputs that it needs",
-        file=sys.stderr,
-    )
-    return 0
+    return assets
+
+
+def _model(session: Session, address: str) -> RobotModel | None:
+    """A robot as it was built last; None if it was not built."""
+    from dextera_build.artifacts.robots.robot import RobotModel
+    from dextera_build.cli import built
+    from dextera_build.session import Session
+
+    try:
+        robot = Session(session.project, address.partition(":")[0], last=True)
+        nodes = [node for node in built.by_type(robot).get(RobotModel.name(), []) if ":" not in node]
+        found = robot.artifact(nodes[-1]) if nodes else None
+    except DxbError:
+        return None
+    return found if isinstance(found, RobotModel) else None

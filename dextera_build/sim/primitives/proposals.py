@@ -33,6 +33,8 @@ class Proposal:
     """`PlaceMugInBasket`."""
     options: Mapping[str, str] = field(default_factory=dict)
     """Options of the goal, as YAML."""
+    holds: bool = False
+    """Whether a hand has to hold the object; no robot whose limbs only push gets it."""
 
 
 def camel(label: str) -> str:

@@ -10,4 +10,4 @@ from dextera_build.sim.primitives.proposals import Proposal, Shape, camel
 def proposals(label: str, shapes: Mapping[str, Shape]) -> Iterator[Proposal]:
     """Lift an object without joints."""
     if not shapes[label].joints:
-        yield Proposal(f"Lift{camel(label)}", {"height_m": "0.10"})
+        yield Proposal(f"Lift{camel(label)}", {"height_m": "0.10"}, holds=True)

@@ -13,4 +13,4 @@ def proposals(label: str, shapes: Mapping[str, Shape]) -> Iterator[Proposal]:
         return
     for container, shape in sorted(shapes.items()):
         if container != label and shapes[label].fits_into(shape):
-            yield Proposal(f"Place{camel(label)}In{camel(container)}", {"into": container})
+            yield Proposal(f"Place{camel(label)}In{camel(container)}", {"into": container}, holds=True)
