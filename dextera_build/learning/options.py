@@ -54,6 +54,9 @@ class ImitationOptions(Options):
     bf16: bool = False
     """Whether products in training are of bfloat16, which needs less time and memory on a GPU; weights, their average,
     the optimiser, and the Gaussians of `learn.bc_rnn` stay float32."""
+    compiled: bool = False
+    """Whether torch compiles the network at the first step, for which the machine needs a C++ compiler; only long
+    trainings gain time."""
     snapshot_every: int = Field(0, ge=0)
     """Steps between the snapshots of the weights that the checkpoint holds, for `evaluate.early`; 0: none."""
     held_out: float = Field(0.1, ge=0.0, lt=1.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -17,6 +18,7 @@ from torch.optim.swa_utils import AveragedModel
 from dextera_build import digest
 from dextera_build.learning import reproducible, weights
 from dextera_build.learning.augmentation import augmented, ranged, swapped
+from dextera_build.learning.compiling import compiled
 from dextera_build.learning.samples import Batch, Samples, Window
 from dextera_build.learning.sampling import Mixed
 from dextera_build.learning.snapshots import Snapshots
@@ -95,6 +97,11 @@ class Training:
 
     def run(self) -> Trained:
         """Run all remaining steps and return the result."""
+        with compiled(self._network, self._ctx.scratch) if self._options.compiled else nullcontext():
+            self._train()
+        return self._result()
+
+    def _train(self) -> None:
         kept, file = self._kept, self._ctx.keep / "training.safetensors"
         if restore(file, kept, self._network, self._optimiser, self._average, usable=self._snapshots.read):
             self._ctx.log(f"resumes after step {kept.step:,}")
@@ -111,7 +118,6 @@ class Training:
                 self._save(file)
                 saved = time.monotonic()
             self._ctx.progress(kept.step, self._options.steps, self._what())
-        return self._result()
 
     @property
     def _best(self) -> nn.Module:

@@ -116,6 +116,16 @@ def test_it_resolves(address, profile, tmp_path):
     assert PROJECT.recipe(address).summary
 
 
+@pytest.mark.medium
+def test_students_see_from_where_their_teacher_steps(tmp_path):
+    """Targets of learn.ppo are steps from the last ones, `previous_action`."""
+    request = Request(profiles.read("cpu", None), inputs=inputs_of("task/taught", tmp_path))
+    graph = plan("task/taught", PROJECT.recipe, PROJECT.library, ROOT, request).graph
+    students = [call for _, call in graph.calls() if call.rule.path == "learn.bc_rnn" and ":" not in call.name]
+    assert [call.name for call in students] == ["first", "second", "student"]
+    assert all("previous_action" in call.options["inputs"] for call in students)
+
+
 @pytest.mark.parametrize("kind", ["dataset", "policy"])
 def test_recipes_of_pairs_are_alike(kind):
     """But for their summary and the task that they name."""

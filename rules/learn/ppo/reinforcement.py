@@ -15,7 +15,7 @@ from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.geometry import quaternions
 from dextera_build.policy import contract as contracts
 from dextera_build.policy import features
-from dextera_build.policy.layout import of_bundle
+from dextera_build.policy.layout import Layout, of_bundle
 from dextera_build.sim.primitives import catalogue
 from dextera_build.sim.primitives.poses import PoseGoal
 from dextera_build.sim.training import insight
@@ -48,10 +48,6 @@ def contract_of(
         terms: Terms of observations that do not come with dxb.
     """
     layout = of_bundle(bundle, terms=terms)
-    names = catalogue.concerned(bundle.task, bundle.objects)
-    joints = tuple(joint for name in names for joint in bundle.objects[name].joints)
-    kept: dict[str, tuple[str, ...] | None] = {"objects": names, "displacement": joints}
-    inputs = [contracts.channel(layout, name, kept.get(name)) for name in options.inputs]
     robot = bundle.robot
     grips = [grip_of(bundle, limb, options.grip) for limb in limbs]
     elsewhere = {name for other in robot.limbs.values() for name in (*other.arm, *other.hand)}
@@ -73,7 +69,7 @@ def contract_of(
         algorithm="ppo",
         task=bundle.task.name,
         embodiment=layout.embodiment,
-        inputs=tuple(_normalised(channel, bundle) for channel in inputs if channel.shape[0]),
+        inputs=_inputs(bundle, layout, options),
         action=Channel(name="action", shape=(len(rest),), names=layout.joints, mean=rest),
         rate_hz=layout.rate_hz,
         dataset=bundle.encode(digest.of_bytes),
@@ -95,6 +91,15 @@ def contract_of(
             **(_turned(grips[0], heading_rad, options.lean_rad) if grips[0] and heading_rad is not None else {}),
         },
     )
+
+
+def _inputs(bundle: TaskBundle, layout: Layout, options: PpoOptions) -> tuple[Channel, ...]:
+    """Input channels with the objects of the task, normalised."""
+    names = catalogue.concerned(bundle.task, bundle.objects)
+    joints = tuple(joint for name in names for joint in bundle.objects[name].joints)
+    kept: dict[str, tuple[str, ...] | None] = {"objects": names, "displacement": joints}
+    inputs = [contracts.channel(layout, name, kept.get(name)) for name in options.inputs]
+    return tuple(_normalised(channel, bundle) for channel in inputs if channel.shape[0])
 
 
 def limbs_of(bundle: TaskBundle, nearest: Callable[[], str]) -> tuple[str, ...]:

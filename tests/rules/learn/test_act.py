@@ -78,6 +78,29 @@ def test_a_training_that_was_killed_ends_with_the_same_bytes(
 
 
 @pytest.mark.slow
+def test_a_compiled_training_gives_about_the_same_weights(tmp_path: Path) -> None:
+    data = episodes.small(4)
+    plain, made = (learn(tmp_path, data, steps=4, compiled=compiled) for compiled in (False, True))
+    first, second = (weights.from_bytes(each.weights) for each in (plain, made))
+    assert first.keys() == second.keys()
+    np.testing.assert_allclose(plain.curve, made.curve, rtol=1e-3)
+    assert [path for path in tmp_path.rglob("compiled") if any(path.rglob("*.so"))], (
+        "its code lies in the node's folder"
+    )
+
+
+@pytest.mark.medium
+def test_a_missing_compiler_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from torch._inductor import config
+
+    monkeypatch.setattr(config.cpp, "cxx", ("no-such-compiler",))
+    with pytest.raises(MachineError, match="the network could not be compiled") as caught:
+        learn(tmp_path, episodes.small(4), compiled=True)
+    assert "C++ compiler" in str(caught.value.hint)
+    assert learn(tmp_path, episodes.small(4)).weights, "without it"
+
+
+@pytest.mark.slow
 def test_the_state_of_another_training_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     data = episodes.small(4)
     interrupted(tmp_path, data, 7, monkeypatch)

@@ -13,26 +13,19 @@ from pydantic import ValidationError
 
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.tasks.episode import Start
-from dextera_build.artifacts.tasks.goals import Goal
 from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.artifacts.tasks.task import Reset, TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.learning import weights
 from dextera_build.rule import Context
-from dextera_build.sim.control.steering import Steering
-from dextera_build.sim.primitives.handover.primitive import HandoverGoal
-from dextera_build.sim.primitives.lift.primitive import LiftGoal
-from dextera_build.sim.primitives.pick_and_reorient.primitive import ReorientGoal
-from dextera_build.sim.primitives.poses import Tolerance
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.sim.training.practice import Practices
 from dextera_build.sim.training.teaching import Teacher
 from dextera_build.testing import RuleRunner
-from tests import episodes, factories, openarm_tasks, task_bundles
+from tests import episodes, task_bundles
 from tests.policy.policies import load, runner
-from tests.robots import robot_recipes
 from tests.rules.learn.trainings import Killed
 
 WIDE = Reset(position_m=0.01, joint_rad=0.1, robot_rad=0.005)
@@ -201,62 +194,6 @@ def test_threads_do_not_change_the_bytes(tmp_path: Path) -> None:
 
 
 @pytest.mark.medium
-def test_both_hands_of_a_task_are_moved(tmp_path: Path) -> None:
-    """Three decisions for each palm and one for each hand's fingers, in the order of the task's roles."""
-    robot = robot_recipes.built("openarm_revo1", tmp_path)
-    box = factories.box_asset(factories.pose(0.0, 0.0), size=(0.05, 0.2, 0.12), mass=0.15)
-    both = openarm_tasks.bundle(robot, LiftGoal(height_m=0.1), {"box": box}, "box", limbs=("left", "right"))
-    given = both.task.model_copy(update={"goal": HandoverGoal(giver="right", receiver="left"), "limbs": ()})
-    one = both.task.model_copy(update={"limbs": ()})
-    found = {}
-    for name, task in (("both", both.task), ("given", given), ("one", one)):
-        bundle = both.model_copy(update={"task": task})
-        found[name] = learn(tmp_path, "stub", bundle, privileged=name == "both").contract
-    settings = {name: contract.settings for name, contract in found.items()}
-    assert [settings[name]["limb"] for name in found] == ["left right", "right left", "left"]
-    assert [settings[name]["decisions"] for name in found] == [8, 8, 4]
-    steering = Steering(robot, found["both"])
-    home = np.array(found["both"].action.mean)
-    sent = steering.targets(np.array([0, 0, 1.0, 0, 0, 1.0, 1.0, 0.0]), home, home)[-1]
-    moved = {name for name, way in zip(found["both"].action.names, sent - home, strict=True) if abs(way) > 1e-6}
-    left, right = robot.limbs["left"], robot.limbs["right"]
-    assert moved & {*left.arm}
-    assert moved & {*right.arm}
-    assert moved & {*left.hand}
-    assert not moved & {*right.hand}
-
-
-@pytest.mark.medium
-def test_of_limbs_that_no_task_names_the_nearest_one_is_moved(tmp_path: Path) -> None:
-    """The base faces along x of the world, so that the left arm is at greater y."""
-    robot = robot_recipes.built("openarm_revo1", tmp_path)
-    found = []
-    for y in (0.2, -0.2):
-        box = factories.box_asset(factories.pose(0.0, y), size=(0.05, 0.05, 0.12), mass=0.15)
-        bundle = openarm_tasks.bundle(robot, LiftGoal(height_m=0.1), {"box": box}, "box")
-        made = learn(tmp_path, bundle=bundle, steps=2, worlds=2, rollout=1, batch=2, epochs=1)
-        found.append(made.contract.settings["limb"])
-    assert found == ["left", "right"]
-
-
-def test_a_palm_turns_if_the_goal_names_an_orientation_of_what_it_carries(tmp_path: Path) -> None:
-    tolerance = Tolerance(position_m=0.04, rotation_rad=0.3)
-    placed = ReorientGoal(place_m=(0.0, 0.0, 0.2), tolerance=tolerance)
-    turned = placed.model_copy(update={"quaternion": (0.7071068, 0.0, 0.0, -0.7071068)})
-
-    def settings(goal: Goal, **options: float) -> dict[str, Any]:
-        lift = task_bundles.lift()
-        bundle = lift.model_copy(update={"task": lift.task.model_copy(update={"goal": goal})})
-        return learn(tmp_path, "stub", bundle, **options).contract.settings
-
-    assert settings(turned)["turn_rad"] == 0.3
-    assert settings(turned)["decisions"] == settings(placed)["decisions"] + 3
-    assert "turn_rad" not in settings(placed)
-    assert "turn_rad" not in settings(turned, turn_rad=0.0)
-    assert settings(placed, turn_rad=0.1)["turn_rad"] == 0.1
-
-
-@pytest.mark.medium
 def test_the_state_of_another_training_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     interrupted(tmp_path, 44, monkeypatch)
     _, lines = interrupted(tmp_path, None, monkeypatch, seed=1)
@@ -293,57 +230,49 @@ def test_a_training_that_diverges_is_one_clear_error(tmp_path: Path) -> None:
     assert caught.value.hint == "rate: 3e+29"
 
 
-@pytest.mark.medium
-def test_a_policy_acts_as_it_practised(tmp_path: Path) -> None:
-    """The targets that a loaded policy sends are those that its decisions led to in training, bit for bit."""
+def practised(made: Checkpoint) -> tuple[Start, np.ndarray]:
+    """A start, and the last targets (6, A) after each of the decisions that a policy takes from there in practice."""
     import torch
 
-    made = learn(tmp_path)
-    practice = Practices(BUNDLE, made.contract)
-    ppo = runner("ppo").network
+    practice, ppo = Practices(BUNDLE, made.contract), runner("ppo").network
     network = ppo.of_contract(made.contract)
     weights.fill(network, weights.from_bytes(made.weights))
-    seen = practice.reset()
-    practised = []
+    seen, found = practice.reset(), []
     for _ in range(6):
         with torch.inference_mode():
             decision = ppo.decide(network, seen[:, : practice.public])
         seen = practice.step([decision]).numbers
-        practised.append(practice.seen["deployable/previous_action"][0])
+        found.append(practice.seen["deployable/previous_action"][0])
+    return practice.worlds.environments[0].start, np.array(found)
+
+
+@pytest.mark.medium
+def test_a_policy_acts_as_it_practised(tmp_path: Path) -> None:
+    """The targets that a loaded policy sends are those that its decisions led to in training, bit for bit."""
+    made = learn(tmp_path)
+    start, targets = practised(made)
     environment, policy = Environment(BUNDLE), load(made, BUNDLE)
-    environment.begin(practice.worlds.environments[0].start)
+    environment.begin(start)
     acted = []
     for _ in range(6 * 4):
         environment.step(policy.act(environment.observe()))
         acted.append(environment.observe()["previous_action"])
-    assert np.array_equal(acted[3::4], practised)
+    assert np.array_equal(acted[3::4], targets)
 
 
 @pytest.mark.medium
 def test_a_teacher_acts_as_it_practised(tmp_path: Path) -> None:
     """One decision for four control periods, bit for bit; where a student acts, each period has a decision anew."""
-    import torch
-
     made = learn(tmp_path, privileged=True)
-    practice = Practices(BUNDLE, made.contract)
-    ppo = runner("ppo").network
-    network = ppo.of_contract(made.contract)
-    weights.fill(network, weights.from_bytes(made.weights))
-    seen, practised = practice.reset(), []
-    for _ in range(6):
-        with torch.inference_mode():
-            decision = ppo.decide(network, seen[:, : practice.public])
-        seen = practice.step([decision]).numbers
-        practised.append(practice.seen["deployable/previous_action"][0])
+    start, targets = practised(made)
     environment = Environment(BUNDLE)
     teacher = Teacher(runner("ppo"), made, environment)
-    start = practice.worlds.environments[0].start
     environment.begin(start)
     acted = []
     for _ in range(6 * 4):
         environment.step(teacher.targets(acted=True))
         acted.append(environment.observe()["previous_action"])
-    assert np.array_equal(acted[3::4], practised)
+    assert np.array_equal(acted[3::4], targets)
     environment.begin(start)
     first = teacher.targets(acted=True)
     environment.step(environment.previous_action)
