@@ -29,7 +29,7 @@ def differences(policy: ViewSpec, here: ViewSpec, visual: float) -> dict[str, st
     found = {}
     apart = _between_rays(policy, here)
     if apart > FIELD_RAD:
-        found["another field of view"] = (
+        found["with another field of view"] = (
             f"the policy has {_field(policy)}, the bundle has {_field(here)}; "
             f"corners are {math.degrees(apart):.1f} deg apart, {math.degrees(FIELD_RAD):g} deg are accepted"
         )

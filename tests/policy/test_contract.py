@@ -120,7 +120,7 @@ def moved(view: View, x_m: float = 0.0, turn_rad: float = 0.0, zoom: float = 1.0
     [
         ({"x_m": 0.5}, "the camera at another place"),
         ({"turn_rad": np.pi}, "the camera at another place"),
-        ({"zoom": 2.0}, "the camera another field of view"),
+        ({"zoom": 2.0}, "the camera with another field of view"),
         ({"x_m": 0.05, "sigma_m": 0.005}, "the camera at another place"),
     ],
 )
