@@ -38,7 +38,8 @@ class Filters:
     """Maximum penetration of the robot, or of an object, into anything [m]; except of an object that the robot does not
     touch, for `IMPACT_S`."""
     grip_m: float = np.inf
-    """Maximum penetration where a hand should touch the object [m]."""
+    """Maximum penetration where a hand should touch the object [m], but for an impact that is over within a control
+    period."""
     speed: float = np.inf
     """Maximum measured speed of a joint, as a multiple of its own limit."""
     acceleration: float = np.inf
@@ -137,7 +138,8 @@ class Watch:
             first, last = self._falling.get(pair, (now, now))
             # What bounces does not begin anew.
             first = first if now - last <= period + 1e-9 else now
-            if not each.free or now - first >= IMPACT_S - 1e-9:
+            within = IMPACT_S if each.free else period if each.meant else 0.0
+            if now - first >= within - 1e-9:
                 return f"`{each.one}` was pressed too deep into `{each.other}`"
             self._falling[pair] = first, now
         return ""

@@ -32,6 +32,8 @@ class Deep(NamedTuple):
     other: str
     free: bool
     """Whether the robot touches neither, or not the task's object, if it is one of them."""
+    meant: bool
+    """Whether they are a hand and what it should touch."""
 
 
 class Touch:
@@ -77,6 +79,7 @@ class Touch:
         while (below := self._below()).any():
             self._carry(below)
         self._bystanders = np.flatnonzero(self._kinds == BYSTANDER)
+        self._met = np.zeros(len(self._bystanders), bool)
         self._from = self._places[self._bystanders], self._turns[self._bystanders].reshape(-1, 3, 3)
 
     def intend(self, limbs: Collection[str], *, fingers: bool = False) -> None:
@@ -101,6 +104,7 @@ class Touch:
         found = data.contact
         pairs = found.geom
         kinds = self._kinds[pairs]
+        self._meet(pairs[(kinds == BYSTANDER) & (kinds[:, ::-1] != SCENE)])
         unmeant = self._unmeant[kinds[:, 0], kinds[:, 1]] & (found.efc_address >= 0)
         if (kinds == OBJECT).any():
             unmeant &= ~self._rests(kinds, found.frame)
@@ -135,20 +139,28 @@ class Touch:
                 # A finger may touch the container into which the task's object falls.
                 falls = {self._object} if self._object in pair else pair
                 free = not (self._robot[one] or self._robot[other] or falls & self._touched())
-                deep.append(Deep(self._names[one], self._names[other], free))
+                deep.append(Deep(self._names[one], self._names[other], free, bool(meant)))
         return deep
 
     def displaced(self, far_m: float) -> str:
-        """A bystander that has moved by more than `far_m` since the beginning [m], turns included; empty if none has.
+        """A bystander that has moved by more than `far_m` [m], turns included; empty if none has.
 
-        A turn counts as the way of the points that are farthest from the centre.
+        A turn counts as the way of the points that are farthest from the centre. What touches nothing but the scene may
+        settle: it moves from the place that it has when something movable meets it.
         """
         places, turns = self._from
+        alone = self._bystanders[~self._met]
+        places[~self._met], turns[~self._met] = self._places[alone], self._turns[alone].reshape(-1, 3, 3)
         shift = np.linalg.norm(self._places[self._bystanders] - places, axis=1)
         now = self._turns[self._bystanders].reshape(-1, 3, 3)
         turned = transforms.angles(turns.swapaxes(1, 2) @ now)
         far = np.flatnonzero(shift + turned * self._model.geom_rbound[self._bystanders] > far_m)
         return self._names[self._bystanders[far[0]]] if len(far) else ""
+
+    def _meet(self, geoms: np.ndarray) -> None:
+        """Note that something movable touches these geoms of bystanders."""
+        if len(geoms):
+            self._met |= np.isin(self._roots[self._bystanders], self._roots[geoms])
 
     def _intend(self, intended: tuple[int, ...], fingers: bool) -> None:
         """Tables of pairs of kinds (K, K) bool: contacts that are meant, and others whose force matters."""

@@ -43,9 +43,10 @@ def thing(
     place: tuple[float, float],
     half: tuple[float, float, float],
     mass: float = 0.02,
+    above: float = 0.0,
 ) -> str:
-    """MJCF of a free box on the table at a place in the robot's base [m], and its pose in the keyframe."""
-    at = task_bundles.WORLD_FROM_BASE @ [*place, half[2], 1.0]
+    """MJCF of a free box on or above the table at a place in the robot's base [m], and its pose in the keyframe."""
+    at = task_bundles.WORLD_FROM_BASE @ [*place, half[2] + above, 1.0]
     where = " ".join(f"{number:.9g}" for number in at[:3])
     scene = task_bundles.SCENE.replace("1.5  {home}", f"1.5  {where} 1 0 0 0  {{home}}")
     monkeypatch.setattr(task_bundles, "SCENE", scene)
@@ -71,11 +72,18 @@ def test_an_impact_between_two_control_periods_is_found(monkeypatch: pytest.Monk
     """A finger knocks the vase over in a few substeps, and touches it at the end of no control period."""
     bundle = vase(monkeypatch, part)
     assert run(bundle, FAST).reason == "touched `vase` in `approach`"
+    # Its displacement shows without any force.
+    assert run(bundle, FAST, MOVED).reason.startswith("`vase` was knocked or moved in `")
     step = Environment.step
     monkeypatch.setattr(Environment, "step", lambda environment, action, look=None: step(environment, action))
     assert run(bundle, FAST).success
-    # Its displacement shows without any force.
-    assert run(bundle, FAST, MOVED).reason.startswith("`vase` was knocked or moved in `")
+
+
+@pytest.mark.medium
+def test_what_settles_beside_the_task_was_not_knocked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Measured poses may be some millimetres above the table, or in it."""
+    vase = thing(monkeypatch, "vase", (BOX[0] + 0.3, BOX[1]), (0.012, 0.012, 0.05), above=0.008)
+    assert run(task_bundles.lift(extra=vase), LIFT, MOVED).success
 
 
 def test_looking_changes_no_bit_of_the_motion() -> None:
@@ -198,7 +206,10 @@ def test_what_carries_the_object_is_no_bystander(
     environment = Environment(bundle)
     touch = Touch(environment)
     assert not touch.displaced(0.005)
-    plate = environment.model.body("plate").jntadr[0]
-    environment.data.joint(plate).qpos[0] += 0.006
+    plate = environment.data.joint(environment.model.body("plate").jntadr[0])
+    # Into the box, so that something movable has met it.
+    way = environment.data.body("box").xpos[:2] - plate.qpos[:2]
+    plate.qpos[:2] += way / 2 + (0.006, 0.0)
     mujoco.mj_forward(environment.model, environment.data)
+    assert not touch.unintended(np.inf)
     assert touch.displaced(0.005) == found
