@@ -13,7 +13,7 @@ from PIL import Image
 
 from dextera_build.api import Project
 from dextera_build.artifacts.base import Artifact
-from dextera_build.artifacts.objects.object import Asset, Support
+from dextera_build.artifacts.objects.object import Asset, Shape, Support
 from tests import tabletops
 from tests.e2e.space import Space
 from tests.recipes.test_photograph_alone import COLOURS, HEIGHT_M, PLACES, SIZE
@@ -61,6 +61,8 @@ class Twin:
     assets: dict[str, Asset]
     height: float
     """Of the camera above the table [m]."""
+    sigmas: dict[str, float]
+    """Thing -> stated standard deviation of the logarithm of its size."""
 
     @property
     def apart(self) -> float:
@@ -88,11 +90,13 @@ def built(space: Space, **settings: Mapping[str, object]) -> Twin:
         return project.get(f"twin/tabletop:{node}", inputs=inputs, settings=asked)
 
     ground, assets = got("ground"), {name: got(f"body[{name}].asset") for name in PLACES}
+    shapes = {name: got(f"body[{name}].mesh") for name in PLACES}
     assert isinstance(ground, Support)
     return Twin(
         {event["node"]: event["line"] for event in answer.events if event["event"] == "node_finished"},
         {name: asset for name, asset in assets.items() if isinstance(asset, Asset)},
         float(ground.camera_pose.matrix[2, 3]),
+        {name: shape.size_sigma or 0.0 for name, shape in shapes.items() if isinstance(shape, Shape)},
     )
 
 
@@ -103,7 +107,11 @@ def test_a_jpeg_and_one_size_become_a_twin_in_metres(tmp_path: Path) -> None:
     assert twin.lines["ground"].startswith("scale by the size of near, 140 mm")
     assert twin.sides("near")[2] == pytest.approx(SIZE[2], abs=1e-6)
     for name in PLACES:
-        assert twin.sides(name) == pytest.approx(np.sort(SIZE), rel=0.1)
+        # The shorter side follows the tilt most, and where it is wrong by 5 deg, the fit's minimum is flat.
+        short, *longer = np.abs(np.log(twin.sides(name) / np.sort(SIZE)))
+        assert max(longer) < 0.1
+        assert short < 2 * twin.sigmas[name]
+        assert twin.sigmas[name] < 0.15
     assert twin.height == pytest.approx(HEIGHT_M, rel=0.1)
     assert twin.apart == pytest.approx(APART_M, rel=0.1)
 
