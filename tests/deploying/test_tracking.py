@@ -73,7 +73,10 @@ def test_an_object_that_is_lost_has_no_pose() -> None:
         rig.sleep(0.3)
         stream = rig.cell.objects["case"]
         assert stream.count > 3
-        rig.robot._look = lambda: Frame(np.full((240, 320, 3), 90, np.uint8), np.full((240, 320), 2.0, np.float32))
+        blank = Frame(np.full((240, 320, 3), 90, np.uint8), np.full((240, 320), 2.0, np.float32))
+        assert rig.robot._look is not None
+        (camera,) = rig.robot._look()
+        rig.robot._look = lambda: {camera: blank}
         rig.sleep(0.8)
         count = stream.count
         rig.sleep(0.5)
