@@ -16,6 +16,7 @@ import re
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
@@ -74,8 +75,11 @@ class Root:
         """Files in a stage and its folders that define a rule of this name; `*` matches any stage or name."""
         if not all(part == "*" or part.isidentifier() for part in (stage, name)):
             return []  # a path or another pattern
-        found = [*self.path.glob(f"{stage}/{name}.py"), *self.path.glob(f"{stage}/*/{name}.py")]
-        return [file for file in sorted(found) if _line(file)]
+        patterns = (f"{stage}/{name}.py", f"{stage}/*/{name}.py")
+        while True:
+            with suppress(FileNotFoundError):  # a folder was removed while it was listed
+                found = [file for pattern in patterns for file in self.path.glob(pattern)]
+                return [file for file in sorted(found) if _line(file)]
 
 
 @dataclass(frozen=True)

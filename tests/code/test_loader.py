@@ -145,3 +145,17 @@ def noted(asked: Library | Project) -> Watch:
     for path in asked.looked_at():
         (watch.folder if os.path.isdir(path) else watch.file)(path)
     return watch
+
+
+def test_a_folder_that_is_removed_while_rules_are_looked_for_has_none(tmp_path, monkeypatch):
+    library, listed, failed = make(tmp_path, kept=RULE.replace("NAME", "kept")), Path.glob, []
+
+    def gone(self: Path, pattern: str) -> list[Path]:
+        if not failed:
+            failed.append(pattern)
+            raise FileNotFoundError(2, "No such file or directory", "rules/toy/removed")
+        return list(listed(self, pattern))
+
+    monkeypatch.setattr(Path, "glob", gone)
+    assert library.find("toy.kept").file == tmp_path / "rules" / "toy" / "kept.py"
+    assert failed

@@ -23,6 +23,7 @@ models ls | models verify | consent ls | doctor
 ELSEWHERE = {
     *("bind", "bind.removed", "cache.serve", "check.calibration", "library.folder", "run", "serve", "show.call"),
     *("models.accept", "models.add", "models.get", "models.rm", "robot.doctor", "robot.record", "robot.simulate"),
+    "robot.track",
     *("show.part", "teleop", "teleop.ended", "view", "view.file"),
 }
 """Documents that the tests of their verbs compare, on a service, a server, a robot, weights or shapes."""

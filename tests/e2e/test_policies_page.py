@@ -16,7 +16,10 @@ from tests.e2e.page import blocks, planned, stale
 from tests.e2e.space import Space
 from tests.policy import policies
 
-TRIALS = {"act_or_ppo", "act_early", "act_twin", "act_reference", "act_cell", "act_image_twin", "act_image_reference"}
+TRIALS = {
+    *("act_or_ppo", "act_early", "act_twin", "act_plain_twin", "act_reference", "act_cell"),
+    *("act_image_twin", "act_image_reference", "published/act_twin"),
+}
 """Nodes of task/close_laptop that run a policy of learn.act."""
 
 

@@ -179,7 +179,7 @@ def test_the_recipe_for_a_stub_twin_lets_an_operator_act_in_mujoco(
     project = api.Project.find(space.root, cache=str(tmp_path / "store"))
     built = project.build("task/try", "task", profile="stub", backends={"simulate.task": "mujoco"})
     assert built.ok, built.errors
-    rehearse_few(monkeypatch, 8)
+    rehearse_few(monkeypatch, 24)
     runner = RuleRunner(tmp_path / "scratch", space.root)
     made = runner.run("demonstrate.operate", bundle=built.artifact("task"), options={"attempts": 2})
     assert made.items, [each.reason for each in made.failures.values()]

@@ -96,6 +96,14 @@ def test_a_run_finds_its_objects_in_the_pictures_of_the_robot(space: Space) -> N
         assert doctor.code == 0, doctor.err
         assert "tracker: case is found" in doctor.err
         assert "/tf of case arrives" in {each["check"] for each in doctor.document["checks"]}
+        beside = space.start("robot", "track", "task/gate", "--json", *CELL, *NAMES)
+        assert beside.stderr is not None
+        while "is found" not in (line := beside.stderr.readline()):
+            assert line, "the tracker ended"
+        beside.send_signal(signal.SIGINT)
+        told = documents.read(beside.communicate(timeout=60)[0])
+        assert told["frames"] > 0
+        assert set(told["tracked"]) == {"case"}
         done = space.dxb(*command, *CELL, "--out", "seen.mcap")
     finally:
         heard = ended(robot)

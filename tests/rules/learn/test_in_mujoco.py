@@ -85,7 +85,7 @@ def test_a_policy_on_depth_or_points_does_what_was_filmed(tmp_path: Path, shown:
     [
         ("learn.act", {"width": 32, "heads": 2, "chunk": 10}),
         ("learn.bc_rnn", {"hidden": 32}),
-        ("learn.diffusion", {"width": 16, "levels": 2, "horizon": 8, "every": 4}),
+        ("learn.diffusion", {"width": 16, "levels": 2, "horizon": 8, "every": 4, "steps": 800}),
     ],
 )
 def test_a_policy_with_two_cameras_does_what_they_filmed(
