@@ -117,8 +117,6 @@ def _move(rr: Any, out: Any, entity: list[str], node: recorded.Node) -> None:
 
 
 def _look(rr: Any, out: Any, eye: Eye) -> None:
-    from PIL import Image as Pillow
-
     entity, lens, pose = ["cameras", eye.name], eye.camera, eye.world_from_camera
     out.log(entity, rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]), static=True)
     matrix = lens.matrix() + np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])  # Rerun's origin is a corner of a pixel
@@ -126,11 +124,8 @@ def _look(rr: Any, out: Any, eye: Eye) -> None:
     flat = rr.Pinhole(image_from_camera=matrix, **size, camera_xyz=rr.ViewCoordinates.RDF, image_plane_distance=0.1)
     out.log(entity, flat, static=True)
     for step, pixels in enumerate(eye.pictures):
-        packed = io.BytesIO()
-        Pillow.fromarray(pixels).save(packed, "JPEG", quality=QUALITY)
         out.set_time(TIME, duration=step / (eye.rate_hz or 1.0))
-        picture = rr.EncodedImage(contents=packed.getvalue(), media_type="image/jpeg")
-        out.log([*entity, "picture"], picture, static=not eye.rate_hz)
+        out.log([*entity, "picture"], rr.Image(pixels).compress(QUALITY), static=not eye.rate_hz)
 
 
 def _shape(rr: Any, node: recorded.Node) -> list[Any] | None:

@@ -128,7 +128,7 @@ class Watch:
         return f"{held} held the hand back" if lag_m > self._limits.lag_m else ""
 
     def _deep(self) -> str:
-        """Two bodies that are pressed together too much; an impact of what was let go is none."""
+        """Two bodies pressed together too much; an impact of what was let go or of a closing hand is none."""
         deep = self._touch.deeper(self._limits.depth_m, self._limits.grip_m)
         if not deep:
             return ""

@@ -17,6 +17,14 @@ from dextera_build.geometry import poses, quaternions, transforms
 from dextera_build.sim.model.sizes import HINGE, SLIDE
 
 
+def ancestors(model: Any, body: int) -> list[int]:
+    """A body and its ancestors in the kinematic tree, below the world."""
+    way = [body]
+    while above := int(model.body_parentid[way[-1]]):
+        way.append(above)
+    return way
+
+
 @dataclass(frozen=True)
 class Edge:
     """A link with its joint and parent."""

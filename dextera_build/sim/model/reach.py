@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.sim.model.links import ancestors
 from dextera_build.sim.model.robot import load
 
 
@@ -41,9 +42,7 @@ def of_limb(robot: RobotModel, limb: str) -> Ball | None:
         data.joint(name).qpos[0] = position
     mujoco.mj_kinematics(model, data)
     body = int(model.joint(joints[0]).bodyid[0])
-    way = [body]
-    while model.body_parentid[way[-1]]:
-        way.append(int(model.body_parentid[way[-1]]))
+    way = ancestors(model, body)
     first = int(model.body_jntadr[next(each for each in reversed(way) if model.body_jntnum[each])])
     base = data.body("base")
     centre = base.xmat.reshape(3, 3).T @ (data.xanchor[first] - base.xpos)

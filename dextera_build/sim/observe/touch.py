@@ -14,6 +14,7 @@ import numpy as np
 
 from dextera_build.geometry import transforms
 from dextera_build.sim.model.compose import ROBOT
+from dextera_build.sim.model.links import ancestors
 from dextera_build.sim.runtime.environment import Environment
 
 SCENE, ARM, OBJECT, NAMED, CARRIER, BYSTANDER, HAND = range(7)
@@ -251,16 +252,7 @@ def hand_geoms(environment: Environment) -> list[np.ndarray]:
     for number, name in enumerate(robot.limb_names):
         arm = robot.limbs[name].arm
         wrist = int(model.joint(ROBOT + arm[-1]).bodyid[0]) if arm else model.body(ROBOT + "base").id
-        own = [body for body in group if wrist in _ancestors(model, body)]
+        own = [body for body in group if wrist in ancestors(model, body)]
         fingers = np.isin(hands.fingers, range(*hands.of(number).indices(hands.count)))
         found.append(np.isin(model.geom_bodyid, own) | fingers)
-    return found
-
-
-def _ancestors(model: mujoco.MjModel, body: int) -> set[int]:
-    """A body and all that carry it."""
-    found = {body}
-    while body:
-        body = int(model.body_parentid[body])
-        found.add(body)
     return found

@@ -97,7 +97,7 @@ def test_options_become_arguments_of_the_trainer(project: Path, data: Folder) ->
 
 @pytest.mark.parametrize("version", ["v2.1", "v3.0"])
 def test_a_joint_that_stays_still_is_scaled_by_the_least_range(tmp_path: Path, version: str) -> None:
-    """A copy of the statistics is widened where a number of the whole set hardly moves, and nowhere else."""
+    """Only copied statistics are widened, and only those of numbers with a small range over the whole set."""
     shown = episodes.small(3, 6, seed=1)
     still = [np.where(np.arange(3) == 1, np.float32(0.3), one.action) for one in shown.items.values()]
     still[0][:, 2] = 0.1  # in one episode alone
