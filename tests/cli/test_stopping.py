@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pty
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -43,6 +44,37 @@ def test_a_key_of_a_device_stops(pedal: Path, events: bytes, stops: bool) -> Non
         os.write(writer, events)
         assert halt.wait(5.0 if stops else 0.2) == stops
     os.close(writer)
+
+
+@pytest.mark.parametrize("size", [3, 8])
+def test_reports_of_another_form_stop(pedal: Path, size: int) -> None:
+    writer = os.open(pedal, os.O_RDWR)
+    with stopping.stops(str(pedal)) as halt:
+        os.write(writer, bytes(size))
+        assert halt.wait(5.0)
+    os.close(writer)
+
+
+def test_whatever_ends_the_reading_stops(pedal: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(data: bytes) -> bool:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(stopping, "key_pressed", broken)
+    monkeypatch.setattr(threading, "excepthook", lambda about: None)
+    writer = os.open(pedal, os.O_RDWR)
+    with stopping.stops(str(pedal)) as halt:
+        os.write(writer, event(2, 0, 1))
+        assert halt.wait(5.0)
+    os.close(writer)
+
+
+def test_a_device_without_events_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "pedal").symlink_to("/dev/null")
+    with (
+        pytest.raises(MachineError, match=r"pedal` is no input device whose keys can be read"),
+        stopping.stops(str(tmp_path / "pedal")),
+    ):
+        pass
 
 
 def test_a_device_that_is_unplugged_stops(pedal: Path) -> None:

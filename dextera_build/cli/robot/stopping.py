@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import select
+import stat
 import struct
 import sys
 import threading
@@ -13,6 +14,8 @@ from contextlib import ExitStack, contextmanager
 EVENT = struct.Struct("llHHi")
 """`struct input_event` of linux/input.h: two numbers of the time, type, code, value."""
 EV_KEY, PRESSED = 1, 1
+EVIOCGVERSION = 0x80044501
+"""Request of linux/input.h that only input devices of events answer."""
 LOOK_S = 0.05
 """Time between two looks whether the run has ended [s]."""
 
@@ -26,7 +29,7 @@ def stops(device: str | None) -> Iterator[threading.Event]:
             is a stop, too.
 
     Raises:
-        MachineError: The device cannot be read.
+        MachineError: The device cannot be read, or gives no events of keys.
     """
     pressed, ended = threading.Event(), threading.Event()
     with ExitStack() as held:
@@ -49,23 +52,25 @@ def stops(device: str | None) -> Iterator[threading.Event]:
 
 
 def key_pressed(data: bytes) -> bool:
-    """Whether a key was pressed in the events (of whole length) that were read from an input device."""
+    """Whether a key was pressed in what was read from an input device; whatever is no event counts as a key."""
+    if len(data) % EVENT.size:
+        return True
     return any(kind == EV_KEY and value == PRESSED for _, _, kind, _, value in EVENT.iter_unpack(data))
 
 
 def _watch(number: int, tells: Callable[[bytes], bool], pressed: threading.Event, ended: threading.Event) -> None:
     """Read a file until what was read tells of a key, or the file ends."""
-    while not ended.is_set():
-        ready, _, _ = select.select([number], [], [], LOOK_S)
-        if not ready:
-            continue
-        try:
-            data = os.read(number, 64 * EVENT.size)
-        except OSError:  # it was unplugged
-            data = b""
-        if not data or tells(data):
+    try:
+        while not ended.is_set():
+            ready, _, _ = select.select([number], [], [], LOOK_S)
+            if ready and (not (data := os.read(number, 64 * EVENT.size)) or tells(data)):
+                break
+    except OSError:  # it was unplugged
+        pass
+    finally:
+        # Whatever ends this thread, nobody would heed the keys any more.
+        if not ended.is_set():
             pressed.set()
-            return
 
 
 @contextmanager
@@ -81,9 +86,31 @@ def _opened(device: str) -> Iterator[int]:
             hint="`ls /dev/input/by-id/*-event-kbd` lists keyboards and pedals; members of group `input` may read them",
         ) from None
     try:
+        if not gives_events(number):
+            raise MachineError(
+                f"`{device}` is no input device whose keys can be read",
+                code="DXB-E451",
+                hint="`ls /dev/input/by-id/*-event-kbd` lists keyboards and pedals; others are not understood",
+            )
         yield number
     finally:
         os.close(number)
+
+
+def gives_events(number: int) -> bool:
+    """Whether an open file is an input device of events, as `/dev/input/event*` are, or a pipe from a program.
+
+    Joysticks, mice and raw devices have reports of another form.
+    """
+    import fcntl
+
+    if stat.S_ISFIFO(os.fstat(number).st_mode):
+        return True
+    try:
+        fcntl.ioctl(number, EVIOCGVERSION, bytes(4))
+    except OSError:
+        return False
+    return True
 
 
 @contextmanager
