@@ -92,7 +92,8 @@ class Guard:
         if not self._why:
             step = self._step * min(1.0, (self._passed + 1) / self._ramp)
             near = np.clip(found, self._last - step, self._last + step)
-            found = np.clip(near, self._lower, self._upper)
+            # From beyond a limit, a joint returns at its speed, and goes no farther.
+            found = np.clip(near, np.minimum(self._lower, self._last), np.maximum(self._upper, self._last))
             self._why = self.outside(found)
         if self._why:
             raise self.stop(self._why)

@@ -71,3 +71,18 @@ def test_what_is_forbidden_stops_the_robot_until_it_begins_anew(limits, targets,
         made.passed(HOME, NO_FORCE, 0.0)
     made.begin(HOME)
     assert made.passed(HOME, NO_FORCE, 0.0) == pytest.approx(HOME)
+
+
+@pytest.mark.parametrize(("beyond", "wanted"), [(0.02, 0.0), (0.02, 0.7), (-0.02, 0.0)])
+def test_a_joint_beyond_its_limit_returns_at_its_speed_and_goes_no_farther(beyond, wanted):
+    made, joint = guard(speed=0.1), ROBOT.joints[0]
+    before = HOME.copy()
+    before[0] = (joint.upper if beyond > 0 else joint.lower) + beyond
+    made.begin(before)
+    step, targets = 0.1 * joint.velocity / RATE, HOME.copy()
+    targets[0] = wanted
+    for _ in range(20):
+        sent = made.passed(targets, NO_FORCE, 0.0)
+        assert abs(sent[0] - before[0]) <= step + 1e-12
+        assert abs(sent[0]) <= abs(before[0])
+        before = sent
