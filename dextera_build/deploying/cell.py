@@ -21,7 +21,6 @@ from dextera_build.deploying import periods, wire
 from dextera_build.deploying.bag import INTERVENTIONS, Bag
 from dextera_build.deploying.commanders import Commanders
 from dextera_build.deploying.encoders import Encoders
-from dextera_build.deploying.frozen import Frozen
 from dextera_build.deploying.merged import Merged
 from dextera_build.deploying.needed_cameras import NeededCameras
 from dextera_build.deploying.stream import Sample, Stream
@@ -65,6 +64,8 @@ class Safety:
     """Maximum time from a measurement to the command that follows from it [s]."""
     skew_s: float = 0.05
     """Maximum difference of the stamps of a picture and the joint state that belongs to it [s]."""
+    slow_s: float = 0.2
+    """Maximum time by which pictures come later than joint states of the same stamp, at their shortest delays [s]."""
 
 
 class RosCell:
@@ -108,7 +109,7 @@ class RosCell:
         self._period, self.rate_hz = round(SECOND / rate), rate
         # Those without a stamp would be carried out whenever they arrive.
         self._controllers = [_lasting(each, 1.0 / rate) for each in topics.controllers]
-        self._encoders = Encoders(bundle.robot)
+        self._encoders = Encoders(bundle.robot, safety.limits.speed, 1.0 / rate)
         self._guard = Guard(safety.limits, bundle.robot, rate, self.mirror.palms, safety.ramp_s)
         self.previous_action = np.zeros(len(bundle.robot.joints))
         """Joint targets that were sent last (A,) [rad or m]."""
@@ -119,14 +120,12 @@ class RosCell:
         self.state = Stream(topics.joints.name)
         self.objects = {name: Stream(topics.objects.name, of=name) for name in bundle.objects}
         self.displacement = Stream(topics.displacement.name)
-        self.pictures = {camera: Stream(topic.name, depth=4) for camera, topic in topics.pictures.items()}
+        self._cameras = NeededCameras(topics, needed, lenses or {}, safety.limits.silence_s, safety.skew_s)
+        self.pictures, self.depths = self._cameras.pictures, self._cameras.depths
         self.round_trip_s: float | None = None
         """Time of a message to the robot and back, see `probe` [s]; None: it is not known."""
         self.world = REAL
         """World of the robot: `real`, or the one that a simulated robot states."""
-        self._frozen = {camera: Frozen(safety.limits.silence_s) for camera in topics.pictures}
-        self.depths = {camera: Stream(topic.name, depth=4) for camera, topic in topics.depths.items()}
-        self._cameras = NeededCameras(topics, needed, lenses or {})
         self._needed = {term_of(each) for each in needed} & NEEDED
         if not bundle.displacement_names:
             self._needed.discard("displacement")
@@ -153,7 +152,7 @@ class RosCell:
             Stopped: A topic stays silent, or what it says cannot be used.
         """
         end = self._transport.clock() + round(limit_s * SECOND)
-        while silent := [each.name for each in self.needed_streams() if each.last is None and not each.fault]:
+        while silent := self._silent():
             if self._transport.clock() > end:
                 lacks = f"; the joint states are not whole: {self.merged.lacks}" if self.merged.lacks else ""
                 raise self._guard.stop(f"nothing arrived on {listing(silent)} in {limit_s:g} s{lacks}")
@@ -169,6 +168,14 @@ class RosCell:
         if self.judges:
             self.mirror.begin(measured)
         return measured
+
+    def _silent(self) -> list[str]:
+        """Of what nothing arrived yet."""
+        streams = self.needed_streams()
+        found = [each.name for each in streams if each.last is None and not each.fault]
+        if not found and not any(each.fault for each in streams) and (apart := self._cameras.apart()):
+            found = [apart]
+        return found
 
     def judge(self, measured: Measurement, time_s: float) -> bool | None:
         """Whether a measurement, `time_s` after the beginning [s], shows that the task is done.
@@ -186,12 +193,13 @@ class RosCell:
             Stopped: A measurement is missing, too old, or belongs to no other.
         """
         self._check()
-        shown = {(term, name): stream.last for term, name, stream in self._needed_cameras()}
-        last = self.state.last
+        shown, last = self._cameras.shown(), self.state.last
         assert last is not None
-        anchor = min((each.stamp for each in shown.values() if each is not None), default=last.stamp)
+        if apart := self._cameras.apart():
+            raise self.stop(f"nothing arrived on {apart}")
+        anchor = min((each.stamp for each in shown.values()), default=last.stamp)
         joints = self.state.nearest(anchor) or last
-        stamps = [joints.stamp, *(each.stamp for each in shown.values() if each is not None)]
+        stamps = [joints.stamp, *(each.stamp for each in shown.values())]
         skew = (max(stamps) - min(stamps)) / SECOND
         if skew > self.safety.skew_s:
             raise self.stop(f"pictures and joint states are {skew:.3f} s apart, more than {self.safety.skew_s:g} s")
@@ -214,8 +222,9 @@ class RosCell:
         now = self._transport.clock()
         if (answer_s := (now - self._measured) / SECOND) > self.safety.answer_s:
             raise self.stop(f"the policy answered after {answer_s:.2f} s, later than {self.safety.answer_s:g} s")
+        near = self._near(np.asarray(targets, np.float64))
         try:
-            sent = self._guard.passed(targets, np.zeros((0, 3)), 0.0)  # `_check` knows the silence of every topic
+            sent = self._guard.passed(near, np.zeros((0, 3)), 0.0)  # `_check` knows the silence of every topic
         except Stopped as stopped:
             self._say(stopped.message)
             raise
@@ -231,8 +240,15 @@ class RosCell:
             self._record(controller.topic, command, now)
         self.delays_s.append((self._transport.clock() - self._anchor.stamp) / SECOND - self.state.offset_s)
         self.previous_action = sent
-        self._encoders.sent(sent)
+        self._encoders.sent(sent, np.asarray(targets, np.float64))
         return sent
+
+    def _near(self, targets: np.ndarray) -> np.ndarray:
+        """Targets (A,) no farther ahead of the joints than these follow; the guard refuses those of another shape."""
+        last = self.state.last
+        if last is None or targets.shape != last.value.shape:
+            return targets
+        return self._encoders.near(targets, last.value, self.round_trip_s or 0.0)
 
     def stop(self, why: str) -> Stopped:
         """Stop, here or for a reason from outside, such as the operator; returns what to raise."""
@@ -256,13 +272,12 @@ class RosCell:
         found = [self.state]
         found += self.objects.values() if "objects" in self._needed else []
         found += [self.displacement] if "displacement" in self._needed else []
-        return found + [stream for _, _, stream in self._needed_cameras()]
+        return [*found, *self._cameras.streams.values()]
 
-    def _needed_cameras(self) -> list[tuple[str, str, Stream]]:
-        """Term, camera and stream of what the policy needs of cameras."""
-        every = (("rgb", self.pictures), ("depth", self.depths))
-        streams = [(term, name, each) for term, found in every for name, each in found.items()]
-        return [each for each in streams if each[:2] in self._cameras.channels]
+    def unfit(self, stream: Stream) -> str:
+        """How the stamps of a camera, or of a tracker, do not fit those of joint states; empty if they do."""
+        slow_s = self.safety.slow_s if stream in self._cameras.streams.values() else float("inf")
+        return stream.unfit(self.state, self.safety.skew_s, slow_s)
 
     def _listen(self) -> None:
         topics, subscribe = self._topics, self._transport.subscribe
@@ -274,11 +289,10 @@ class RosCell:
         subscribe(topics.objects, self._placed)
         subscribe(SIMULATED, self._stated)
         for camera, topic in topics.pictures.items():
-            subscribe(topic, partial(self._shown, camera, topic))
+            subscribe(topic, partial(self._shown, "rgb", camera, topic))
         for camera, topic in topics.depths.items():
-            if ("depth", camera) not in self._cameras.channels:
-                continue
-            subscribe(topic, partial(self._heard, topic, self.depths[camera], _whole))
+            if ("depth", camera) in self._cameras.channels:
+                subscribe(topic, partial(self._shown, "depth", camera, topic))
 
     def _stated(self, message: bytes, arrived: int) -> None:
         self._record(SIMULATED, message, arrived)
@@ -313,14 +327,13 @@ class RosCell:
             if name in self.objects:
                 self.objects[name].add(Sample(stamp, arrived, pose))
 
-    def _shown(self, camera: str, topic: Topic, message: bytes, arrived: int) -> None:
-        stream = self.pictures[camera]
+    def _shown(self, term: str, camera: str, topic: Topic, message: bytes, arrived: int) -> None:
+        stream = self.pictures[camera] if term == "rgb" else self.depths[camera]
         picture = self._heard(topic, stream, _whole, message, arrived)
-        if picture is None:
-            return
-        last = self.state.last
-        if self._frozen[camera].add(bytes(picture.data), arrived, None if last is None else last.value):
-            stream.fault = stream.fault or f"`{camera}` shows the same picture while the robot moves"
+        if picture is not None:
+            last = self.state.last
+            joints = None if last is None else last.value
+            self._cameras.watch(term, camera, bytes(picture.data), arrived, joints)
 
     def _check(self) -> None:
         """Raise if the measurements or the recording are of no use."""
@@ -332,18 +345,10 @@ class RosCell:
             why = f"no joint states{self.merged.silent(now - round(most * SECOND))} arrived for more than {most:g} s"
         if not why and (late_s := self.state.late_s()) > self.safety.late_s:
             why = f"joint states arrive {late_s:.2f} s late, more than {self.safety.late_s:g} s"
-        why = why or next(filter(None, (self._old(each, now) for each in self.needed_streams()[1:])), "")
+        others, most_s = self.needed_streams()[1:], self.safety.limits.silence_s
+        why = why or next(filter(None, (self.unfit(each) or each.old(now, most_s) for each in others)), "")
         if why:
             raise self.stop(why)
-
-    def _old(self, stream: Stream, now: int) -> str:
-        """Why the newest picture or pose must not be used any more; empty if it may be."""
-        most = self.safety.limits.silence_s
-        if stream.silent_s(now) > most:
-            return f"no frame arrived for more than {most:g} s on {stream.name}"
-        if (age_s := stream.age_s(now)) > most:
-            return f"the newest frame on {stream.name} is {age_s:.2f} s old, more than {most:g} s"
-        return ""
 
     def _intervened(self, wanted: np.ndarray, sent: np.ndarray, now: int) -> None:
         """Record the targets, and which of them the guard changed."""

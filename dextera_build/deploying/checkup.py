@@ -85,6 +85,7 @@ def checkup(
     silence_s, now = cell.safety.limits.silence_s, transport.clock()
     found += [check for each in cell.needed_streams() for check in _arrives(each, each.silent_s(now), silence_s, cell)]
     found += _clock(cell)
+    found += [check for each in cell.needed_streams()[1:] for check in _fits_states(each, cell)]
     found += _joints(cell, robot)
     return tuple(found)
 
@@ -213,6 +214,19 @@ def _clock(cell: RosCell) -> Iterator[Check]:
     offset = state.offset_s
     remark = "; `chrony` on both machines would set it" if abs(offset) > CLOCK_S else ""
     yield Check("clock", True, f"{1000 * offset:.1f} ms behind this machine's with the delay, corrected{remark}")
+
+
+def _fits_states(stream: Stream, cell: RosCell) -> Iterator[Check]:
+    """Whether pictures and poses can be matched with joint states by their stamps."""
+    if stream.last is None or cell.state.last is None or stream.fault or cell.state.fault:
+        return
+    behind_ms, why = 1000 * (stream.offset_s - cell.state.offset_s), cell.unfit(stream)
+    yield Check(
+        f"{stream.name} clock",
+        not why,
+        why or f"{behind_ms:.0f} ms behind joint states of the same stamp",
+        "`chrony` on the machine of the camera and on the robot; lower the rate or the size of a camera that is slow",
+    )
 
 
 def _delay(round_trip_s: float | None, period_s: float) -> Check:

@@ -79,10 +79,10 @@ def quantiles(what: str, times_s: list[float]) -> dict[str, float | None]:
 
 @dataclass(frozen=True)
 class Clock:
-    """Time of a run."""
+    """Pace of a run."""
 
-    now: Callable[[], int] = time.time_ns
-    """The time [ns]."""
+    now: Callable[[], int] = time.monotonic_ns
+    """The time [ns], which nobody sets."""
     sleep: Sleep = time.sleep
     """Waits [s]."""
 

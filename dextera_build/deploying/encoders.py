@@ -4,7 +4,7 @@ A position that jumps is none of a joint. A joint of an arm that goes away from 
 sign than its commands, or those of another joint, and the policy would send it further and further. A joint whose
 positions and commands both have the other sign follows its targets, and does not show here. Fingers are not compared
 with their targets: what they touch, and the arm's own motion, move them as well. An arm that never moves does not get
-its commands, or refuses them.
+its commands, or refuses them; its targets stay near it, because it would jump to them when it gets them again.
 """
 
 from __future__ import annotations
@@ -22,6 +22,12 @@ STILL, STILL_S = 0.2, 1.0
 """Fraction of that motion below which a joint is still, and for how long it may be while it should move [s]."""
 FASTER = 3.0
 """Multiple of the speed limit of a joint above which no joint moves."""
+FOLLOWS_S = 0.25
+"""Time within which a joint of an arm follows its targets: its own lag, and the age of its position [s]."""
+AHEAD = 1.5
+"""Multiple of the motion that shows a direction by which a target may always be ahead of its joint."""
+OPPOSITE = 0.5
+"""Fraction of that motion that shows the opposite direction where a target had to wait for its joint."""
 
 
 class Encoders:
@@ -29,15 +35,19 @@ class Encoders:
 
     Args:
         robot: The embodiment.
+        speed: Fraction of the joints' speed limits that is allowed.
+        period_s: Control period [s].
     """
 
-    def __init__(self, robot: RobotModel) -> None:
+    def __init__(self, robot: RobotModel, speed: float, period_s: float) -> None:
         self._names = [joint.name for joint in robot.joints]
         lower, upper, self._speed = (
             np.array([getattr(joint, name) for joint in robot.joints]) for name in ("lower", "upper", "velocity")
         )
         self._moved = np.minimum(MOVED_RAD, OF_RANGE * (upper - lower))
         self._stiff = np.array([joint.group == "arm" for joint in robot.joints])
+        self._lower, self._upper = lower, upper
+        self._allowed, self._follows_s = speed * self._speed, FOLLOWS_S + period_s
         self.begin(np.zeros(len(self._names)))
 
     def begin(self, positions: np.ndarray) -> None:
@@ -48,11 +58,28 @@ class Encoders:
         self._rest, self._rest_target, self._targets = (np.array(positions) for _ in range(3))
         self._since = np.full(len(self._names), np.inf)
         self._last: tuple[float, np.ndarray] | None = None
-        self._commands = False
+        self._commands, self._waits = False, np.zeros(len(self._names), bool)
+        self._least, self._most = np.full(len(self._names), -np.inf), np.full(len(self._names), np.inf)
 
-    def sent(self, targets: np.ndarray) -> None:
-        """Note targets (A,) that were sent [rad or m]."""
-        away, self._commands, self._targets = targets - self._start, True, np.array(targets)
+    def near(self, targets: np.ndarray, positions: np.ndarray, delay_s: float) -> np.ndarray:
+        """Targets (A,) that are no farther ahead of the joints of arms than these follow.
+
+        Args:
+            targets: Requested targets (A,) [rad or m].
+            positions: The newest positions (A,) [rad or m].
+            delay_s: Time of a message to the robot and back [s].
+        """
+        most = np.maximum(AHEAD * self._moved, self._allowed * (self._follows_s + delay_s))
+        most = np.where(self._stiff, most, np.inf)
+        self._least, self._most = positions - most, positions + most
+        return np.asarray(np.clip(targets, self._least, self._most))
+
+    def sent(self, targets: np.ndarray, wanted: np.ndarray) -> None:
+        """Note targets (A,) that were sent [rad or m], and those that were wanted (A,)."""
+        self._waits = (targets <= self._least) | (targets >= self._most)
+        # A target that waits for its joint does not show how far the joint stays behind.
+        there = np.where(self._waits, np.clip(wanted, self._lower, self._upper), targets)
+        away, self._commands, self._targets = there - self._start, True, there
         self._low, self._high = np.minimum(self._low, away), np.maximum(self._high, away)
 
     def fault(self, time_s: float, positions: np.ndarray) -> str:
@@ -83,7 +110,8 @@ class Encoders:
 
     def _astray(self, away: np.ndarray) -> str:
         """Joints of arms that moved opposite to all their targets, or far beyond them; `away` (A,) [rad or m]."""
-        up, down = away > self._moved, away < -self._moved
+        shows = np.where(self._waits, OPPOSITE, 1.0) * self._moved
+        up, down = away > shows, away < -shows
         sent_up, sent_down = self._high > self._moved, self._low < -self._moved
         self._shown |= (up & sent_up) | (down & sent_down)
         opposite = ~self._shown & ((up & sent_down & ~sent_up) | (down & sent_up & ~sent_down))

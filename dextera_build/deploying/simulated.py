@@ -44,7 +44,9 @@ class Simulation:
     delay_s: float = 0.0
     """Delay of commands [s]."""
     loss: float = 0.02
-    """Fraction of pictures and poses that are lost, 0..1."""
+    """Fraction of poses, of pictures and of depth that is lost, 0..1."""
+    depth_s: float = 0.01
+    """Time by which depth comes later than its picture, as from drivers that register it [s]."""
     tracks: bool = True
     """Whether poses of objects are published, as by a tracker; false: a tracker has to find them in the pictures."""
     clock_s: float = 0.0
@@ -110,6 +112,7 @@ class SimulatedRobot:
         self._plans = Plans(self._names, environment.previous_action)
         self._waiting: deque[tuple[int, Command]] = deque()
         self._states: deque[tuple[int, bytes]] = deque()
+        self._depths: deque[tuple[int, Topic, bytes]] = deque()
         self._shown: dict[str, tuple[bytes, np.ndarray | None]] = {}
         self._ticks, self._moving_since = 0, -1
         self.heard = Heard()
@@ -134,9 +137,15 @@ class SimulatedRobot:
             return
         stamp = self._stamp()
         self._tell_state(stamp)
-        if self._ticks % self._pictures == 0 and self._random.uniform() >= self._simulation.loss:
+        if self._ticks % self._pictures == 0:
             mujoco.mj_forward(environment.model, environment.data)
             self._see(stamp)
+        while self._depths and self._depths[0][0] <= self._ticks:
+            self._transport.publish(*self._depths.popleft()[1:])
+
+    def _arrives(self) -> bool:
+        """Whether a picture, or what a tracker says of it, is not lost."""
+        return bool(self._random.uniform() >= self._simulation.loss)
 
     def _clock(self) -> int:
         """The robot's clock [ns]."""
@@ -176,7 +185,7 @@ class SimulatedRobot:
 
     def _see(self, stamp: int) -> None:
         bundle, seen = self.environment.bundle, self.environment.measure()
-        if self._simulation.tracks and not self._faulty("poses_stop"):
+        if self._simulation.tracks and self._arrives() and not self._faulty("poses_stop"):
             placed = dict(zip(bundle.objects, seen.objects, strict=True))
             tracked = wire.poses(stamp, self._topics.names.base, placed)
             self._transport.publish(offered(self._topics.objects), tracked)
@@ -191,12 +200,15 @@ class SimulatedRobot:
             }
         for camera, (picture, depth) in self._shown.items():
             topic = self._topics.pictures[camera]
-            self._transport.publish(topic, messages.compressed_image(stamp, camera, "jpeg", picture))
+            if self._arrives():
+                self._transport.publish(topic, messages.compressed_image(stamp, camera, "jpeg", picture))
             if self._camera is not None:
                 info = Topic(beside(topic.name), "sensor_msgs/CameraInfo", SENSOR)
                 self._transport.publish(info, messages.camera_info(stamp, camera, self._camera))
-            if depth is not None:
-                self._transport.publish(self._topics.depths[camera], messages.depth_image(stamp, camera, counts(depth)))
+            if depth is not None and self._arrives():
+                message = messages.depth_image(stamp, camera, counts(depth))
+                due = self._ticks + round(self._simulation.depth_s * STATE_HZ)
+                self._depths.append((due, self._topics.depths[camera], message))
 
     def _commanded(self, controller: Commanded, message: bytes, arrived: int) -> None:
         if self._faulty("cut"):

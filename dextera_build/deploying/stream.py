@@ -9,8 +9,8 @@ from typing import Any
 
 from dextera_build.formats.ros.reading import SECOND
 
-KEPT = 200
-"""Number of measurements that are kept, two seconds of joint states."""
+KEPT_S = 2.0
+"""Time for which measurements are kept [s]."""
 LATE_NS = SECOND // 2
 """Time by which a stamp is ahead of every delay, or behind the one before, if a clock was set [ns]."""
 
@@ -35,12 +35,12 @@ class Stream:
 
     Args:
         topic: Its name.
-        depth: Number of measurements that are kept.
+        kept_s: Time for which measurements are kept [s].
         of: The object that is measured, if the topic has several.
         strict: Whether a clock that is set is a fault; otherwise measurements begin anew, for those who move nothing.
     """
 
-    def __init__(self, topic: str, depth: int = KEPT, of: str = "", *, strict: bool = True) -> None:
+    def __init__(self, topic: str, kept_s: float = KEPT_S, of: str = "", *, strict: bool = True) -> None:
         self.topic, self.of = topic, of
         self.name = f"{topic} of {of}" if of else topic
         """What it is called in messages."""
@@ -50,7 +50,7 @@ class Stream:
         self.stale = 0
         """Number of measurements that arrived after newer ones."""
         self._strict = strict
-        self._samples: deque[Sample] = deque(maxlen=depth)
+        self._samples, self._kept = deque[Sample](), round(kept_s * SECOND)
         self._offset: int | None = None
         self._lock = threading.Lock()
 
@@ -70,13 +70,18 @@ class Stream:
                 self.stale += 1
                 return
             self._samples.append(sample)
+            # By arrival, because stamps may be missing.
+            while sample.arrived - self._samples[0].arrived > self._kept:
+                self._samples.popleft()
 
     def _jump(self, sample: Sample, offset: int) -> int:
         """By how much the clock of the stamps was set [ns]; 0: not at all. A message that is late shows nothing."""
         ahead = offset - (sample.arrived - sample.stamp)
-        if ahead > LATE_NS or (self._samples and self._samples[-1].stamp - sample.stamp > LATE_NS):
-            return ahead
-        return 0
+        back = self._samples[-1].stamp - sample.stamp if self._samples else 0
+        if back > LATE_NS:
+            # The clock here is set, too, where both are that of one machine.
+            return ahead if abs(ahead) > LATE_NS else -back
+        return ahead if ahead > LATE_NS else 0
 
     def broken(self, why: str) -> None:
         """Note a message that cannot be used."""
@@ -87,6 +92,11 @@ class Stream:
         """The newest measurement."""
         with self._lock:
             return self._samples[-1] if self._samples else None
+
+    def samples(self) -> tuple[Sample, ...]:
+        """The measurements that are kept, oldest first."""
+        with self._lock:
+            return tuple(self._samples)
 
     def nearest(self, stamp: int) -> Sample | None:
         """The measurement whose stamp is nearest."""
@@ -112,6 +122,30 @@ class Stream:
         """Time since a measurement arrived [s]; infinite if none did."""
         last = self.last
         return float("inf") if last is None else (now - last.arrived) / SECOND
+
+    def old(self, now: int, most_s: float) -> str:
+        """Why the newest measurement must not be used any more, `most_s` after it was made; empty if it may be."""
+        if self.silent_s(now) > most_s:
+            return f"no frame arrived for more than {most_s:g} s on {self.name}"
+        if (age_s := self.age_s(now)) > most_s:
+            return f"the newest frame on {self.name} is {age_s:.2f} s old, more than {most_s:g} s"
+        return ""
+
+    def unfit(self, than: Stream, early_s: float, slow_s: float) -> str:
+        """How much earlier or later its messages come than those of another stream with the same stamps.
+
+        Offsets contain delays, so that a clock that is behind and a slow sensor look alike.
+
+        Args:
+            than: The other stream.
+            early_s: Allowed time [s].
+            slow_s: Allowed time [s].
+        """
+        behind_s = self.offset_s - than.offset_s
+        if -early_s <= behind_s <= slow_s:
+            return ""
+        how = f"{behind_s:.2f} s later" if behind_s > 0 else f"{-behind_s:.2f} s earlier"
+        return f"{self.name} comes {how} than {than.name} with the same stamps: its clock is another, or it is slow"
 
     def rate_hz(self) -> float:
         """Rate of the kept measurements by their stamps [Hz]; 0 for fewer than two."""

@@ -15,7 +15,7 @@ from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.deploying import wire
 from dextera_build.deploying.merged import Merged
-from dextera_build.deploying.stream import KEPT, Sample, Stream
+from dextera_build.deploying.stream import KEPT_S, Sample, Stream
 from dextera_build.deploying.topics import Topics, beside, offered
 from dextera_build.deploying.transport import SENSOR, Topic, Transport
 from dextera_build.errors import ArtifactError, MachineError
@@ -29,6 +29,8 @@ TOGETHER_NS = SECOND // 50
 """Largest difference of the stamps of a picture and its depth [ns], which drivers that register depth make equal."""
 NEAR_NS = SECOND // 10
 """Largest difference of the stamps of a picture and the joint state that belongs to it [ns]."""
+FRAMES_S = 0.5
+"""Time for which pictures and depth are kept [s]."""
 FRAME_S = 1 / 15
 """Time between the frames in which the photographed scene is shown [s]."""
 
@@ -49,7 +51,7 @@ class Watched:
         """Topic with the intrinsics."""
         self.camera: Camera | None = None
         """Intrinsics of the pictures; None before they arrived."""
-        self._picture, self._depth = _stream(picture, 8), _stream(depth, 8)
+        self._picture, self._depth = _stream(picture, FRAMES_S), _stream(depth, FRAMES_S)
         self._state = _stream(topics.joints)
         self._merged = Merged(wire.Joints([joint.name for joint in bundle.robot.joints], topics))
         self._shown: Sample | None = None
@@ -188,9 +190,9 @@ class ObjectTracker:
             self._transport.publish(offered(self._topics.displacement), message)
 
 
-def _stream(topic: Topic, depth: int = KEPT) -> Stream:
+def _stream(topic: Topic, kept_s: float = KEPT_S) -> Stream:
     """Measurements whose clock may be set: the cell that moves the robot stops then, and begins anew, too."""
-    return Stream(topic.name, depth, strict=False)
+    return Stream(topic.name, kept_s, strict=False)
 
 
 def _whole(message: Any) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from typing import Literal
 
 import numpy as np
@@ -13,6 +14,7 @@ pytest.importorskip("rosbags", reason="needs rosbags (extra `ros`)")
 from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.artifacts.robots.ros_names import Controller, RosNames
 from dextera_build.deploying.cell import GUARDED, Safety
+from dextera_build.deploying.driving import Clock
 from dextera_build.deploying.faults import FAULTS, Fault, FaultKind
 from dextera_build.deploying.loopback import Loopback
 from dextera_build.deploying.simulated import Simulation
@@ -270,3 +272,53 @@ def test_an_arm_that_is_blocked_is_told_once_its_targets_are_far_beyond() -> Non
     assert not near.faulty, near.reason
     far = rig.drive(Line(np.array([0.4, -0.05, 0.05, 0.04, 0.04])), limit_s=6.0)
     assert "the robot does not follow: x did not move in 1 s" in far.reason
+
+
+@pytest.mark.parametrize("off_s", [0.5, 0.95])
+def test_after_commands_that_were_not_obeyed_no_joint_jumps_far(off_s: float) -> None:
+    rig = Rig(needed=())
+    obey, speeds, ahead = rig.robot._obey, list[float](), list[float]()
+    off = range(30, 30 + round(20 * off_s))
+    policy = Line(np.array([0.55, 0.5, 0.3, 0.04, 0.04]))
+    rig.robot._obey = lambda: (  # type: ignore[method-assign]
+        rig.robot._waiting.clear() if len(policy.seen) in off else obey()
+    )
+    before = rig.robot.environment.measure().joints
+
+    def step() -> np.ndarray:
+        nonlocal before
+        joints = rig.robot.environment.measure().joints
+        speeds.append(20 * float(np.abs(joints - before)[:3].max()))
+        ahead.append(float(np.abs(rig.cell.previous_action - joints)[:3].max()))
+        before = joints
+        return policy.targets
+
+    policy.after, policy.then = 0, step
+    ran = rig.drive(policy, limit_s=4.0)
+    assert not ran.faulty, ran.reason
+    assert max(speeds[: off[0]]) < 0.31
+    # 0.3 m/s for 0.25 s and a control period, after which commands are obeyed again.
+    assert max(ahead) <= 0.3 * 0.3 + 1e-9
+    assert max(speeds) < 0.9
+    assert rig.robot.environment.measure().joints[0] == pytest.approx(0.55, abs=0.01)
+
+
+def test_a_flipped_sign_shows_although_targets_wait_for_their_joints() -> None:
+    rig = Rig(simulation=Simulation(faults=(Fault("sign_flipped", at_s=0.0),)), needed=())
+    ran = rig.drive(Line(np.array([0.5, 0.0, 0.0, 0.04, 0.04])), limit_s=6.0)
+    assert f"x {ASTRAY}" in ran.reason
+    held(rig)
+
+
+def test_the_clock_of_this_machine_that_is_set_back_stops_the_run_at_once() -> None:
+    rig, set_back = Rig(needed=()), [0]
+    rig.bus.now = lambda: rig.time - set_back[0]
+
+    def step() -> np.ndarray:
+        set_back[0] = 30 * 10**9
+        return TARGETS
+
+    ran = rig.drive(Line(TARGETS, after=10, then=step))
+    assert "the stamps of `/joint_states` jumped by -29.99 s" in ran.reason
+    assert ran.steps <= 12
+    assert Clock().now is time.monotonic_ns, "or else the loop would sleep for these 30 s"

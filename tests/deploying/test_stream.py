@@ -44,6 +44,17 @@ def test_a_clock_that_was_set_is_a_fault_for_good(stamp: int, told: str) -> None
     assert made.fault == f"the stamps of `/states` jumped by {told}"
 
 
+def test_the_clock_of_both_that_was_set_back_is_a_fault() -> None:
+    assert stream((5000, 5005), (3010, 3015)).fault == "the stamps of `/states` jumped by -1.99 s"
+
+
+def test_a_fast_stream_keeps_as_long_as_a_slow_one() -> None:
+    made = stream(*((now, now + 1) for now in range(3000)))
+    found = made.nearest(1100 * MS)
+    assert found is not None
+    assert found.value == 1100
+
+
 def test_a_message_that_is_very_late_is_no_fault_of_its_own() -> None:
     made = stream((0, 5), (10, 915))
     assert made.fault == ""
