@@ -209,7 +209,9 @@ class RosCell:
         seen = {name: self._cameras.frame(name, shown) for _, name in shown}
         found = Measurement(np.array(joints.value), self._poses(), self._displacement(), {**seen, **(frames or {})})
         if self._bag is not None:
-            periods.observed(self._bag, self._measured, self._bundle, found)
+            offset = round(self.state.offset_s * SECOND)
+            periods.observed(self._bag, self._measured, self._bundle, found, joints.stamp + offset)
+            periods.newest(self._bag, self._measured, self._bundle, last.stamp + offset, last.value)
         return found
 
     def send(self, targets: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ import bisect
 import io
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import IO, Any
 
 import numpy as np
@@ -24,9 +24,9 @@ from dextera_build.policy.declared import BY_NAME
 from dextera_build.policy.layout import WORLD, WORLDS, embodiment
 from dextera_build.policy.observation import Measurement
 
-OBSERVED, REQUESTED, SENT = "/observed", "/requested", "/sent"
-"""What stands before the topic of a declared term: as it was measured, as the policy or operator requested it, and as
-it was sent after the guard."""
+OBSERVED, NEWEST, REQUESTED, SENT = "/observed", "/newest", "/requested", "/sent"
+"""What stands before the topic of a declared term: as the policy or operator was given it, as it was measured last, as
+it was requested, and as it was sent after the guard."""
 ABOUT = "/dxb/about"
 """Topic of facts about a run, a JSON object of texts, at its beginning."""
 STATUS = "/dxb/status"
@@ -59,6 +59,12 @@ class RobotRun:
     """Facts: `task`, `embodiment`, `world`, `policy`, `algorithm`, `origin`, `rate_hz`, versions and limits."""
     times: np.ndarray
     """When each of `measured` was taken, by the clock of the recording [ns]."""
+    made: np.ndarray
+    """When each of `joints` was made (S,), by the same clock [ns]."""
+    joints: np.ndarray
+    """Positions (S, A) [rad or m] that were measured last; those of `measured` are as old as a picture."""
+    commanded: np.ndarray
+    """When each command was sent (T,), by the same clock [ns]."""
     measured: tuple[Measurement, ...]
     """What was measured before each command, and after the last one (T or T + 1); NaN where nothing was."""
     requested: np.ndarray
@@ -154,11 +160,43 @@ def filmed(stream: IO[bytes], name: str, bundle: TaskBundle) -> tuple[RobotRun, 
     return run, _arrived(found.pictures, cameras[0], run, name)
 
 
+def evenly(run: RobotRun) -> RobotRun:
+    """The run at even times, as if no command had been late, with the joints of the times of the commands.
+
+    Joints are interpolated between the newest joint states; a command lasts until the next one. Poses of objects are
+    those that were given in the same period.
+    """
+    period, sent = round(reading.SECOND / float(run.about["rate_hz"])), run.commanded
+    if len(sent) < 2:
+        return run
+    times = np.arange(sent[0], sent[-1] + period // 2, period)
+    rows = np.searchsorted(sent, times + period // 2, side="right") - 1
+    # From the first of the times, because doubles do not hold nanoseconds since 1970.
+    places = [np.interp(times - sent[0], run.made - sent[0], each) for each in run.joints.T]
+    measured = [replace(run.measured[row], joints=each) for row, each in zip(rows, np.transpose(places), strict=True)]
+    return replace(
+        run,
+        times=times,
+        commanded=times,
+        measured=(*measured, *run.measured[len(sent) :]),
+        requested=run.requested[rows],
+        sent=run.sent[rows],
+    )
+
+
 def _read(stream: IO[bytes], name: str, bundle: TaskBundle, camera: str) -> _Found:
     """What the messages of a recording say, with the pictures of a topic, if one is named."""
     found = _Found(bundle, name, camera)
     wanted = [topic(OBSERVED, term) for term in ("joints", "objects", "displacement")]
-    wanted += [topic(REQUESTED, "action"), topic(SENT, "action"), ABOUT, STATUS, VERDICT, *filter(None, [camera])]
+    wanted += [
+        topic(NEWEST, "joints"),
+        topic(REQUESTED, "action"),
+        topic(SENT, "action"),
+        ABOUT,
+        STATUS,
+        VERDICT,
+        *filter(None, [camera]),
+    ]
     stream.seek(0)
     with reading.damage(name):
         for time, where, message in reading.messages(stream, name, wanted):
@@ -214,6 +252,8 @@ class _Found:
     about: dict[str, str] = field(default_factory=dict)
     verdict: dict[str, bool | None] = field(default_factory=dict)
     status: str = ""
+    newest: dict[int, dict[str, Any]] = field(default_factory=dict)
+    """When a joint state was made [ns] -> values by name."""
     places: dict[str, dict[int, dict[str, Any]]] = field(default_factory=dict)
     """Topic -> time -> values by name."""
 
@@ -227,6 +267,8 @@ class _Found:
             self.status = message.data
         elif where == self.camera:
             self.pictures.append((time, message))
+        elif where == topic(NEWEST, "joints"):
+            self.newest[reading.stamp(message, time)] = dict(_named(where, message))
         else:
             self.places.setdefault(where, {})[time] = dict(_named(where, message))
 
@@ -248,9 +290,13 @@ class _Found:
         rows = [int(seen[np.searchsorted(seen, time, side="right") - 1]) for time in times]
         rows += [int(time) for time in seen[seen > (times[-1] if times else 0)][:1]]
         joints = [joint.name for joint in self.bundle.robot.joints]
+        newest = self.newest or observed  # older recordings hold no others
         return RobotRun(
             about=self.about,
             times=np.array(rows, np.int64),
+            made=np.array(sorted(newest), np.int64),
+            joints=_table([newest[made] for made in sorted(newest)], joints),
+            commanded=np.array(times, np.int64),
             measured=tuple(self._measurement(row) for row in rows),
             requested=_table([requested[time] for time in times], joints),
             sent=_table([sent[time] for time in times], joints),

@@ -82,15 +82,20 @@ def recording(
     origin: str = "policy",
     limit_s: float = 12.0,
     camera: np.ndarray | None = None,
+    needed: tuple[str, ...] = NEEDED,
+    thinks: Callable[[], float] = lambda: 0.0,
     **about: str,
 ) -> bytes:
-    """The recording of a run in the simulated robot, with what its camera shows; `about` replaces facts."""
-    rig = Rig(out=io.BytesIO(), camera=camera)
+    """The recording of a run in the simulated robot, with what its camera shows; `about` replaces facts.
+
+    `thinks` says how long each answer of the policy takes [s].
+    """
+    rig = Rig(out=io.BytesIO(), camera=camera, needed=needed)
     rig.sleep(0.1)
     rig.bag.describe(rig.bundle, rig.time)
     said = {"policy": "0" * 64, "algorithm": "line", "origin": origin}
     rig.bag.state(ABOUT, rig.time, facts(rig.cell, rig.bundle) | said | about)
-    ran = rig.drive(acting, limit_s)
+    ran = rig.drive(Shown(acting, lambda: rig.sleep(seconds) if (seconds := thinks()) else None), limit_s)
     rig.bag.state(SUMMARY, rig.time, ran.facts())
     rig.bag.state(VERDICT, rig.time, {"measured": ran.success, "operator": operator})
     kept: list[bytes] = []

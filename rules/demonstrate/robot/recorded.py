@@ -12,7 +12,15 @@ from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import listing
 from dextera_build.policy import layout, robot_run
 from dextera_build.policy.robot_run import RobotRun
-from dextera_build.rule import Context, rule
+from dextera_build.rule import Context, Options, rule
+
+
+class RecordedOptions(Options):
+    """Options of demonstrate.recorded."""
+
+    even: bool = False
+    """Whether joints are those of the times of the commands, evenly in time, for `align.dynamics`; else they are those
+    that the policy or operator was given, which with a camera are as old as its picture."""
 
 
 class RecordedBackend(Protocol):
@@ -25,8 +33,14 @@ class RecordedBackend(Protocol):
         ...
 
 
-@rule(version=2, packages=("numpy", "mcap", "mcap-ros2-support"), runs={"bundle": "primitive"})
-def recorded(ctx: Context[RecordedBackend], bundle: TaskBundle, runs: File | Folder) -> Episodes:
+@rule(version=3, packages=("numpy", "mcap", "mcap-ros2-support"), runs={"bundle": "primitive"})
+def recorded(
+    ctx: Context[RecordedBackend],
+    bundle: TaskBundle,
+    runs: File | Folder,
+    *,
+    options: RecordedOptions | None = None,
+) -> Episodes:
     """Return the episodes in recordings of `dxb robot record` and `dxb run`, in the robot's base frame [m, rad].
 
     One file `.mcap` is one episode. Joints come from encoders, poses from the tracker that published them; forces are
@@ -38,7 +52,10 @@ def recorded(ctx: Context[RecordedBackend], bundle: TaskBundle, runs: File | Fol
         RuleError: There is no recording, none succeeded, or they are of another task, robot, or several worlds.
         ArtifactError: A file is damaged, or was not finished.
     """
+    options = options or RecordedOptions()
     found = robot_run.every(runs, bundle)
+    if options.even:
+        found = {name: robot_run.evenly(run) for name, run in found.items()}
     worlds = {run.about.get("world", "") for run in found.values()}
     ctx.check(len(worlds) == 1, f"the recordings are of several worlds: {listing(sorted(worlds))}")
     here = bundle.model_copy(update={"kind": worlds.pop()})

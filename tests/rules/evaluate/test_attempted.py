@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from functools import cache
+import io
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from dextera_build.artifacts.tasks.mixture import Mixture
 from dextera_build.artifacts.tasks.task import View
 from dextera_build.artifacts.tasks.trials import Trials
 from dextera_build.errors import ArtifactError, RuleError
+from dextera_build.formats.ros import reading
 from dextera_build.policy import robot_run
 from dextera_build.testing import RuleRunner
 from tests import factories, task_bundles
@@ -124,6 +126,28 @@ def test_a_demonstration_that_another_program_commands_is_an_episode(tmp_path: P
     assert np.ptp(episode.action[:, 2]) > 0.1
     with pytest.raises(RuleError, match="the recordings are demonstrations"):
         rig.run("evaluate.attempted", bundle=BUNDLE, runs=recording)
+
+
+def test_joints_at_even_times_are_those_of_the_commands() -> None:
+    shown = np.full((24, 32, 3), 90, np.uint8)
+    slow = iter([0.0, 0.0, 0.0, 0.1, 0.0, 0.1, *[0.0] * 100])
+    data = robots.recording(
+        robots.Lifting((robots.OVER,)), limit_s=2.5, camera=shown, needed=("rgb",), thinks=lambda: next(slow)
+    )
+    run = robot_run.read(io.BytesIO(data), "run.mcap", BUNDLE)
+    stream, stamps, places = io.BytesIO(data), list[int](), list[list[float]]()
+    for time, _, message in reading.messages(stream, "run.mcap", ["/joint_states"]):
+        stamps.append(reading.stamp(message, time))
+        places.append(dict(zip(message.name, message.position, strict=True))["x"])
+    truth = partial(np.interp, xp=stamps, fp=places)
+    even = robot_run.evenly(run)
+    given, joints = (np.array([each.joints[0] for each in of.measured]) for of in (run, even))
+    assert np.abs(given - truth(run.times)).max() > 0.01, "the joints of a picture are older"
+    assert joints[:-1] == pytest.approx(truth(even.times), abs=5e-4)  # straight lines over 150 ms
+    assert (np.diff(even.times) == 50_000_000).all()
+    # Two commands came 100 ms late: each of those before them lasted three periods.
+    assert len(even.sent) == len(run.sent) + 4
+    assert (even.sent[1:4] == run.sent[1]).all()
 
 
 def test_pictures_of_a_robot_become_a_film(tmp_path: Path) -> None:
