@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import pty
+import signal
 import sys
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
-from dextera_build.cli.robot import stopping
+from dextera_build.cli.robot import connected, stopping
+from dextera_build.deploying.bag import Bag
 from dextera_build.errors import MachineError
 
 
@@ -111,3 +116,47 @@ def test_any_key_of_the_terminal_stops_and_the_terminal_is_as_before(monkeypatch
         time.sleep(0.1)
         assert terminal.readline() == "n\n"  # the rest of the keys is no answer
     os.close(master)
+
+
+def test_a_signal_stops_and_a_second_one_interrupts() -> None:
+    halt, before = threading.Event(), signal.getsignal(signal.SIGINT)
+    with stopping.signals(halt):
+        signal.raise_signal(signal.SIGINT)
+        assert halt.is_set()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_terminal_that_ends_stops_and_leaves_time_to_close_the_recording() -> None:
+    halt, before = threading.Event(), signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    try:
+        with stopping.signals(halt):
+            signal.raise_signal(signal.SIGHUP)
+            signal.raise_signal(signal.SIGHUP)
+        assert halt.is_set()
+        signal.raise_signal(signal.SIGHUP)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_a_run_that_outlives_its_terminal_by_intention_goes_on() -> None:
+    halt, before = threading.Event(), signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as `nohup` does
+    try:
+        with stopping.signals(halt):
+            signal.raise_signal(signal.SIGHUP)
+        assert not halt.is_set()
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_a_question_that_is_interrupted_loses_no_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
+    def asked(args: argparse.Namespace) -> bool | None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(connected, "_verdict", asked)
+    written: list[tuple[str, object]] = []
+    bag = SimpleNamespace(state=lambda topic, time, facts: written.append((topic.name, facts)))
+    with pytest.raises(KeyboardInterrupt):
+        connected.judged(argparse.Namespace(), cast(Bag, bag), {"steps": 3}, True)
+    assert written == [("/dxb/summary", {"steps": 3}), ("/dxb/verdict", {"measured": True, "operator": None})]

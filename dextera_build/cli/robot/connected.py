@@ -214,7 +214,11 @@ def judged(args: argparse.Namespace, bag: Bag, told: dict[str, Any], success: bo
     from dextera_build.deploying.bag import SUMMARY, VERDICT
 
     bag.state(SUMMARY, time.time_ns(), told)
-    bag.state(VERDICT, time.time_ns(), {"measured": success, "operator": _verdict(args)})
+    operator = None
+    try:
+        operator = _verdict(args)
+    finally:  # also if the operator interrupts the question
+        bag.state(VERDICT, time.time_ns(), {"measured": success, "operator": operator})
 
 
 def tell(args: argparse.Namespace, told: dict[str, Any], out: Path) -> None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
+import threading
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from dextera_build.cli.robot import beside, connected
+from dextera_build.cli.robot import beside, connected, stopping
 
 if TYPE_CHECKING:
     from dextera_build.deploying.demonstration import Demonstration
@@ -47,11 +48,14 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _await_commands(
-    made: Demonstration, sleep: Callable[[float], None] = time.sleep, now: Callable[[], float] = time.monotonic
+    made: Demonstration,
+    sleep: Callable[[float], None] = time.sleep,
+    now: Callable[[], float] = time.monotonic,
+    ended: Callable[[], bool] = lambda: False,
 ) -> None:
     """Wait until every joint was commanded, and tell which one was not."""
     told, due = "", now() + TELL_S
-    while not made.commanded:
+    while not (made.commanded or ended()):
         if now() > due and (waits := made.waits_for()) != told:
             told, due = waits, now() + TELL_S
             print(f"no command yet for {told}", file=sys.stderr, flush=True)
@@ -64,16 +68,21 @@ def _recorded(made: Demonstration, rate_hz: float, limit_s: float) -> tuple[str,
     from dextera_build.errors import DxbError
 
     print("waiting for the first command; press Ctrl-C to end", file=sys.stderr, flush=True)
+    halt = threading.Event()
     try:
-        _await_commands(made)
-        made.begin()
-        due = time.monotonic()
-        while not made.success and made.steps < limit_s * rate_hz:
-            made.step()
-            due = max(due + 1.0 / rate_hz, time.monotonic())
-            time.sleep(max(0.0, due - time.monotonic()))
+        with stopping.signals(halt):
+            _await_commands(made, ended=halt.is_set)
+            if not halt.is_set():
+                made.begin()
+            due = time.monotonic()
+            while not (halt.is_set() or made.success or made.steps >= limit_s * rate_hz):
+                made.step()
+                due = max(due + 1.0 / rate_hz, time.monotonic())
+                time.sleep(max(0.0, due - time.monotonic()))
     except KeyboardInterrupt:
-        return "the operator ended it", False
+        halt.set()
     except DxbError as fault:
         return fault.message, True
+    if halt.is_set() and not made.success:
+        return "the operator ended it", False
     return (DONE if made.success else LATE.format(limit_s)), False

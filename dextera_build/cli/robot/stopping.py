@@ -1,9 +1,10 @@
-"""What stops a run at once: any key in its terminal, and any key of an input device, as a pedal is one."""
+"""What stops a run at once: any key in its terminal, any key of an input device, as a pedal is one, and signals."""
 
 from __future__ import annotations
 
 import os
 import select
+import signal
 import stat
 import struct
 import sys
@@ -24,6 +25,8 @@ LOOK_S = 0.05
 def stops(device: str | None) -> Iterator[threading.Event]:
     """Yield what is set once the operator presses a key: of the terminal, if there is one, or of an input device.
 
+    Signals set it, too, see `signals`.
+
     Args:
         device: Path of the device, `/dev/input/by-id/...-event-kbd`; None: the terminal alone. If it goes away, that
             is a stop, too.
@@ -33,6 +36,7 @@ def stops(device: str | None) -> Iterator[threading.Event]:
     """
     pressed, ended = threading.Event(), threading.Event()
     with ExitStack() as held:
+        held.enter_context(signals(pressed))
         watched: list[tuple[int, Callable[[bytes], bool]]] = []
         if device is not None:
             watched.append((held.enter_context(_opened(device)), key_pressed))
@@ -49,6 +53,34 @@ def stops(device: str | None) -> Iterator[threading.Event]:
             ended.set()
             for thread in threads:
                 thread.join()
+
+
+@contextmanager
+def signals(ended: threading.Event) -> Iterator[None]:
+    """Let Ctrl-C, SIGTERM and the end of the terminal set an event; a second Ctrl-C or SIGTERM interrupts.
+
+    A message that is being written to the recording is written to its end, or else the file could not be read.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    kinds = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {kind: signal.getsignal(kind) for kind in kinds}
+
+    def heard(number: int, frame: object) -> None:
+        ended.set()
+        # A terminal that ends says so several times, and the recording is still to be closed.
+        signal.signal(number, signal.SIG_IGN if number == signal.SIGHUP else before[signal.Signals(number)])
+
+    for kind, handler in before.items():
+        if handler is not signal.SIG_IGN:
+            signal.signal(kind, heard)
+    try:
+        yield
+    finally:
+        for kind, handler in before.items():
+            if signal.getsignal(kind) is heard:
+                signal.signal(kind, handler)
 
 
 def key_pressed(data: bytes) -> bool:
