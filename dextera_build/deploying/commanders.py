@@ -6,7 +6,6 @@ after the first command was sent is of another program. Goals that a program sen
 
 from __future__ import annotations
 
-from collections import deque
 from functools import partial
 
 from dextera_build.deploying import wire
@@ -28,14 +27,17 @@ class Commanders:
 
     def __init__(self, transport: Transport, topics: Topics, joints: wire.Joints) -> None:
         self._transport, self._topics, self._joints = transport, topics, joints
-        self._own = deque[object](maxlen=KEPT)
+        # In a dictionary, because the thread of the transport looks while another command is noted.
+        self._own = dict[object, None]()
         self._listens = False
         self.fault = ""
         """Who else commands; empty if nobody does."""
 
     def sends(self, controller: Commanded, message: bytes) -> None:
         """Note a command before it is sent; the first one begins to listen."""
-        self._own.append(self._read(controller, message))
+        self._own[self._read(controller, message)] = None
+        if len(self._own) > KEPT:
+            del self._own[next(iter(self._own))]
         if not self._listens:
             self._listens = True
             for each in self._topics.controllers:

@@ -17,7 +17,7 @@ from typing import Any
 from xml.sax.saxutils import quoteattr
 
 from dextera_build.deploying import delay, idl
-from dextera_build.deploying.transport import Endpoint, Quality, Receive, Topic
+from dextera_build.deploying.transport import Endpoint, Quality, Receive, Topic, failed
 from dextera_build.errors import MachineError, install_extra
 from dextera_build.formats.ros import hashes
 
@@ -84,6 +84,8 @@ class Dds:
         self._topics: dict[str, Any] = {}
         self._lock = threading.Lock()
         self._closed = threading.Event()
+        self.fault = ""
+        """Why messages were not taken; empty if all were."""
         self._wakes = self._api.waitset(self._participant)
         self._thread = threading.Thread(target=self._listen, name="dds", daemon=True)
         self._thread.start()
@@ -151,7 +153,13 @@ class Dds:
         return self._topics[topic.name]
 
     def _listen(self) -> None:
-        """Receive until the transport is closed."""
+        """Receive until the transport is closed; what ends it before is told, because nobody would hear of it."""
+        try:
+            self._receive()
+        except Exception as error:
+            self.fault = f"messages are received no more: {type(error).__name__}: {error}"
+
+    def _receive(self) -> None:
         while not self._closed.is_set():
             self._wakes.wait(WAIT_MS * 1_000_000)
             with self._lock:
@@ -160,7 +168,8 @@ class Dds:
             for taken, receive in waiting:
                 for each in taken:
                     if hasattr(each, "cdr") and not self._closed.is_set():
-                        receive(each.cdr, arrived)
+                        why = failed(receive, each.cdr, arrived)
+                        self.fault = self.fault or why
 
 
 class _Api:

@@ -43,6 +43,8 @@ class Loopback:
         self._readers: dict[str, tuple[Topic, list[Receive]]] = {}
         self._writers: dict[str, Topic] = {}
         self._last: dict[str, bytes] = {}
+        self.fault = ""
+        """Always empty: errors are those of the program that publishes."""
         bus.members.append(self)
 
     def offer(self, topic: Topic) -> None:

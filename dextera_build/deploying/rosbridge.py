@@ -18,7 +18,7 @@ from contextlib import suppress
 from typing import Any
 
 from dextera_build.deploying import delay
-from dextera_build.deploying.transport import Endpoint, Quality, Receive, Topic
+from dextera_build.deploying.transport import Endpoint, Quality, Receive, Topic, failed
 from dextera_build.errors import MachineError, install_extra
 from dextera_build.formats.ros import plain
 from dextera_build.formats.ros.types import DEFINITIONS
@@ -65,6 +65,8 @@ class Rosbridge:
         self._numbers = itertools.count(1)
         self._asked: dict[str, Future[Mapping[str, Any]]] = {}
         self._closed = False
+        self.fault = ""
+        """Why messages were not taken; empty if all were."""
         self._thread = threading.Thread(target=self._listen, name="rosbridge", daemon=True)
         self._thread.start()
 
@@ -187,7 +189,8 @@ class Rosbridge:
         except ValueError:
             message = b""  # who reads it says that it is damaged
         for receive in list(receivers):
-            receive(message, arrived)
+            why = failed(receive, message, arrived)
+            self.fault = self.fault or why
 
 
 def url(address: str) -> str:

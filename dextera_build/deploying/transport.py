@@ -66,8 +66,20 @@ class Endpoint:
     """`RIHS01_...`; empty if it states none, as programs before ROS 2 Iron."""
 
 
+def failed(receive: Receive, message: bytes, arrived: int) -> str:
+    """Pass a message; why that failed, empty if it did not: an error must not end the thread of a transport."""
+    try:
+        receive(message, arrived)
+    except Exception as error:
+        return f"a message could not be taken: {type(error).__name__}: {error}"
+    return ""
+
+
 class Transport(Protocol):
     """Publishes and receives messages."""
+
+    fault: str
+    """Why messages were not taken; empty if all were."""
 
     def offer(self, topic: Topic) -> None:
         """Announce a topic that will be published, so that its readers know of it before the first message."""

@@ -17,7 +17,7 @@ from typing import Any
 
 from dextera_build.deploying import delay
 from dextera_build.deploying.idl import dds_name, ros_name
-from dextera_build.deploying.transport import Endpoint, Quality, Receive, Topic
+from dextera_build.deploying.transport import Endpoint, Quality, Receive, Topic, failed
 from dextera_build.errors import MachineError, install_extra
 from dextera_build.formats.ros import hashes
 
@@ -59,6 +59,8 @@ class Zenoh:
         self._domain, self._zid = domain, str(self._session.info.zid())
         self._lock = threading.Lock()
         self._closed = False
+        self.fault = ""
+        """Why messages were not taken; empty if all were."""
         self._numbers = itertools.count(1)
         self._writers: dict[str, _Writer] = {}
         self._kept: list[Any] = []
@@ -84,7 +86,8 @@ class Zenoh:
 
         def arrived(sample: Any) -> None:
             if not self._closed:
-                receive(sample.payload.to_bytes(), time.time_ns())
+                why = failed(receive, sample.payload.to_bytes(), time.time_ns())
+                self.fault = self.fault or why
 
         # A type with another hash arrives, too, as by DDS; `robot doctor` names it.
         key = f"{self._key(topic)}/*"

@@ -65,6 +65,7 @@ def test_plain_data_has_the_forms_of_rosbridge() -> None:
         ({"positions": [1.0]}, "has no field positions"),
         ({"position": "far"}, "this is no sensor_msgs/JointState"),
         ({"header": 3}, "is an object of fields"),
+        ({"header": {"stamp": {"sec": 2**33}}}, "this is no sensor_msgs/JointState"),
     ],
 )
 def test_plain_data_of_another_message_is_refused(fields: object, why: str) -> None:

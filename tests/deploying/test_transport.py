@@ -322,3 +322,27 @@ dds._DOMAINS.clear()  # as Python clears modules at its end
     ended = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60, check=True)
     assert "DomainParticipant" in ended.stdout
     assert "Domain" not in ended.stdout.split()
+
+
+@pytest.mark.parametrize("kind", ["dds", "zenoh"])
+def test_an_error_of_who_receives_ends_no_transport(kind: str) -> None:
+    one, other = pair(kind)
+    heard: list[bytes] = []
+
+    def receive(message: bytes, arrived: int) -> None:
+        heard.append(message)
+        if len(heard) == 2:
+            raise RuntimeError("it changed")
+
+    other.subscribe(STATUS, receive)
+
+    def published() -> bool:
+        one.publish(STATUS, messages.text("running"))
+        time.sleep(0.02)
+        return len(heard) > 4
+
+    until(published)
+    assert one.fault == ""
+    assert other.fault == "a message could not be taken: RuntimeError: it changed"
+    one.close()
+    other.close()

@@ -7,6 +7,7 @@ null, because JSON has none; what comes back is not a number.
 from __future__ import annotations
 
 import base64
+import struct
 from typing import Any
 
 import numpy as np
@@ -40,7 +41,7 @@ def message(kind: str, fields: Any) -> bytes:
     try:
         made = _made(full_name(kind), fields)
         return bytes(hashes.store().serialize_cdr(made, full_name(kind)))
-    except (TypeError, ValueError, KeyError, AttributeError, OverflowError) as error:
+    except (TypeError, ValueError, KeyError, AttributeError, OverflowError, struct.error) as error:
         raise ValueError(f"this is no {kind}: {error}") from None
 
 
