@@ -23,7 +23,7 @@ from dextera_build.deploying.commanders import Commanders
 from dextera_build.deploying.encoders import Encoders
 from dextera_build.deploying.merged import Merged
 from dextera_build.deploying.needed_cameras import NeededCameras
-from dextera_build.deploying.stream import Sample, Stream
+from dextera_build.deploying.stream import SLOW_S, Sample, Stream
 from dextera_build.deploying.topics import SIMULATED, STATUS, Commanded, Topics
 from dextera_build.deploying.transport import Topic, Transport
 from dextera_build.errors import listing
@@ -64,7 +64,7 @@ class Safety:
     """Maximum time from a measurement to the command that follows from it [s]."""
     skew_s: float = 0.05
     """Maximum difference of the stamps of a picture and the joint state that belongs to it [s]."""
-    slow_s: float = 0.2
+    slow_s: float = SLOW_S
     """Maximum time by which pictures come later than joint states of the same stamp, at their shortest delays [s]."""
 
 
@@ -118,8 +118,8 @@ class RosCell:
         self.interventions = 0
         """Number of control periods in which the guard changed a target."""
         self.state = Stream(topics.joints.name)
-        self.objects = {name: Stream(topics.objects.name, of=name) for name in bundle.objects}
-        self.displacement = Stream(topics.displacement.name)
+        self.objects = {name: Stream(topics.objects.name, of=name, steady=False) for name in bundle.objects}
+        self.displacement = Stream(topics.displacement.name, steady=False)
         self._cameras = NeededCameras(topics, needed, lenses or {}, safety.limits.silence_s, safety.skew_s)
         self.pictures, self.depths = self._cameras.pictures, self._cameras.depths
         self.round_trip_s: float | None = None
@@ -171,11 +171,10 @@ class RosCell:
 
     def _silent(self) -> list[str]:
         """Of what nothing arrived yet."""
-        streams = self.needed_streams()
-        found = [each.name for each in streams if each.last is None and not each.fault]
-        if not found and not any(each.fault for each in streams) and (apart := self._cameras.apart()):
-            found = [apart]
-        return found
+        streams = [each for each in self.needed_streams() if not each.fault]
+        found = [each.name for each in streams if each.last is None]
+        apart = self._cameras.apart() if not found and len(streams) == len(self.needed_streams()) else ""
+        return [*found, apart] if apart else found
 
     def judge(self, measured: Measurement, time_s: float) -> bool | None:
         """Whether a measurement, `time_s` after the beginning [s], shows that the task is done.
@@ -278,8 +277,8 @@ class RosCell:
 
     def unfit(self, stream: Stream) -> str:
         """How the stamps of a camera, or of a tracker, do not fit those of joint states; empty if they do."""
-        slow_s = self.safety.slow_s if stream in self._cameras.streams.values() else float("inf")
-        return stream.unfit(self.state, self.safety.skew_s, slow_s)
+        camera = stream in self._cameras.streams.values()
+        return stream.unfit(self.state, slow_s=self.safety.slow_s if camera else float("inf"))
 
     def _listen(self) -> None:
         topics, subscribe = self._topics, self._transport.subscribe
@@ -320,14 +319,15 @@ class RosCell:
     def _placed(self, message: bytes, arrived: int) -> None:
         self._record(self._topics.objects, message, arrived)
         try:
-            found = wire.placed(wire.unpacked(self._topics.objects.kind, message), self._topics.names.base)
+            found = wire.placed(
+                wire.unpacked(self._topics.objects.kind, message), self._topics.names.base, self.objects
+            )
         except wire.UnusableError as error:
             for stream in self.objects.values():
                 stream.broken(str(error))
             return
         for name, (stamp, pose) in found.items():
-            if name in self.objects:
-                self.objects[name].add(Sample(stamp, arrived, pose))
+            self.objects[name].add(Sample(stamp, arrived, pose))
 
     def _shown(self, term: str, camera: str, topic: Topic, message: bytes, arrived: int) -> None:
         stream = self.pictures[camera] if term == "rgb" else self.depths[camera]
@@ -341,7 +341,9 @@ class RosCell:
         """Raise if the measurements or the recording are of no use."""
         now = self._transport.clock()
         why = next((each.fault for each in self.needed_streams() if each.fault), "")
-        why = why or self._commanders.fault or (self._bag.fault if self._bag is not None else "")
+        why = (
+            why or self._transport.fault or self._commanders.fault or (self._bag.fault if self._bag is not None else "")
+        )
         most = self.safety.periods / self.rate_hz
         if not why and self.state.silent_s(now) > most:
             why = f"no joint states{self.merged.silent(now - round(most * SECOND))} arrived for more than {most:g} s"

@@ -74,8 +74,12 @@ def checkup(
     sleep(listen_s)
     others, fits = transport.others(), transport.fits
     needed = {stream.topic for stream in cell.needed_streams()} | {each.name for each in topics.more_joints}
+    heard = {stream.topic for stream in cell.needed_streams() if stream.last is not None}
     found = [
-        check for topic in topics.measured() if topic.name in needed for check in _matched(topic, others, fits, DRIVER)
+        check
+        for topic in topics.measured()
+        if topic.name in needed
+        for check in _matched(topic, others, fits, DRIVER, arrives=topic.name in heard)
     ]
     found += [
         check for controller in topics.controllers for check in _matched(controller.topic, others, fits, CONTROLLER)
@@ -127,21 +131,39 @@ CONTROLLER = _Side(
 
 
 def _matched(
-    topic: Topic, others: tuple[Endpoint, ...], fits: Callable[[Quality, Quality], bool], side: _Side
+    topic: Topic,
+    others: tuple[Endpoint, ...],
+    fits: Callable[[Quality, Quality], bool],
+    side: _Side,
+    *,
+    arrives: bool = False,
 ) -> Iterator[Check]:
-    """Whether another program publishes a topic as it is read here, or reads it as it is published here."""
+    """Whether another program publishes a topic as it is read here, or reads it as it is published here.
+
+    Of several, one has to fit: the others may be recorders, which nothing tells from controllers.
+    """
     what = f"{topic.name} {side.present}"
     found = [each for each in others if each.topic == topic.name and each.writes == side.writes]
+    if not found and arrives:
+        yield Check(what, True, "messages arrive, of a program that the server does not name")
+        return
     if not found:
         known = sorted({each.topic for each in others if each.writes == side.writes and each.kind == topic.kind})
         told = f"{side.absent}; of this type: {', '.join(known) or 'none'}"
         yield Check(what, False, told, f"{side.rename}: `{known[0]}`" if known else side.start)
         return
-    yield Check(what, True, f"{len(found)} {'writer' if side.writes else 'reader'}")
-    yield from _fits(topic, found[0])
-    if found[0].quality is None:
+    told = "; ".join(f"{each.kind}, {each.quality or 'any quality'}" for each in found)
+    yield Check(what, True, f"{len(found)} {'writer' if side.writes else 'reader'}{'s' * (len(found) > 1)}: {told}")
+
+    def pair(each: Endpoint) -> tuple[Quality, Quality]:
+        quality = each.quality or topic.quality
+        return (quality, topic.quality) if side.writes else (topic.quality, quality)
+
+    best = max(found, key=lambda each: (each.kind == topic.kind, fits(*pair(each))))
+    yield from _fits(topic, best)
+    if best.quality is None:
         return
-    offered, requested = (found[0].quality, topic.quality) if side.writes else (topic.quality, found[0].quality)
+    offered, requested = pair(best)
     yield Check(
         f"{topic.name} quality",
         fits(offered, requested),
@@ -202,6 +224,10 @@ def _clock(cell: RosCell) -> Iterator[Check]:
     """Rate of joint states, the delay, and the offset of the robot's clock, which is only reported."""
     state, least_hz = cell.state, LEAST_STATES * cell.rate_hz
     if state.last is None:
+        return
+    if not state.last.stamp:
+        told = "its messages have no stamps, by which they are matched with pictures and commands"
+        yield Check(f"{state.name} stamps", False, told, "let the driver fill in `header.stamp`")
         return
     rate = state.rate_hz()
     yield Check(

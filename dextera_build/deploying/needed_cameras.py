@@ -10,6 +10,7 @@ from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.deploying.frozen import Frozen
 from dextera_build.deploying.stream import Sample, Stream
 from dextera_build.deploying.topics import Topics
+from dextera_build.deploying.transport import Topic
 from dextera_build.formats.ros import images
 from dextera_build.formats.ros.reading import SECOND
 from dextera_build.geometry import cameras
@@ -48,8 +49,8 @@ class NeededCameras:
         self._topics, self._lenses, self._rays = topics, lenses, dict[str, np.ndarray]()
         self.channels = {(term, name) for each in needed for term, name in _looks(each, topics.pictures)}
         """Terms with the cameras that they are needed of."""
-        self.pictures = {camera: Stream(topic.name, KEPT_S) for camera, topic in topics.pictures.items()}
-        self.depths = {camera: Stream(topic.name, KEPT_S) for camera, topic in topics.depths.items()}
+        self.pictures = {camera: _stream(topic) for camera, topic in topics.pictures.items()}
+        self.depths = {camera: _stream(topic) for camera, topic in topics.depths.items()}
         every = (("rgb", self.pictures), ("depth", self.depths))
         found = {(term, name): each for term, streams in every for name, each in streams.items()}
         self.streams = {key: each for key, each in found.items() if key in self.channels}
@@ -111,6 +112,10 @@ class NeededCameras:
             rays = cameras.rays(depth.shape[0], depth.shape[1], lens.matrix()).astype(np.float32)
             self._rays[camera] = rays
         return np.asarray(depth[..., None] * rays)
+
+
+def _stream(topic: Topic) -> Stream:
+    return Stream(topic.name, KEPT_S, steady=False)
 
 
 def _stamp(shown: Shown) -> int:

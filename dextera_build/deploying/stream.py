@@ -14,6 +14,11 @@ KEPT_S = 2.0
 LATE_NS = SECOND // 2
 """Time by which a stamp is ahead of every delay, or behind the one before, if a clock was set [ns]."""
 
+EARLY_S, SLOW_S = 0.05, 0.2
+"""Time by which messages of a camera may come earlier, and later, than joint states with the same stamps [s]."""
+DRIFT = 1e-4
+"""Difference of the rates of two clocks, by which an offset is forgotten."""
+
 
 @dataclass(frozen=True)
 class Sample:
@@ -38,9 +43,13 @@ class Stream:
         kept_s: Time for which measurements are kept [s].
         of: The object that is measured, if the topic has several.
         strict: Whether a clock that is set is a fault; otherwise measurements begin anew, for those who move nothing.
+        steady: Whether delays are short, so that a stamp that is far ahead of them shows a clock that was set. Those of
+            cameras and trackers are not, whose first answers may take a second; see `unfit`.
     """
 
-    def __init__(self, topic: str, kept_s: float = KEPT_S, of: str = "", *, strict: bool = True) -> None:
+    def __init__(
+        self, topic: str, kept_s: float = KEPT_S, of: str = "", *, strict: bool = True, steady: bool = True
+    ) -> None:
         self.topic, self.of = topic, of
         self.name = f"{topic} of {of}" if of else topic
         """What it is called in messages."""
@@ -49,9 +58,10 @@ class Stream:
         self.count = 0
         self.stale = 0
         """Number of measurements that arrived after newer ones."""
-        self._strict = strict
+        self._strict, self._steady = strict, steady
         self._samples, self._kept = deque[Sample](), round(kept_s * SECOND)
         self._offset: int | None = None
+        self._at = 0
         self._lock = threading.Lock()
 
     def add(self, sample: Sample) -> None:
@@ -65,7 +75,7 @@ class Stream:
                     return
                 self._samples.clear()
                 self._offset = None
-            self._offset = difference if self._offset is None else min(self._offset, difference)
+            self._offset = self._smallest(sample.arrived, difference)
             if self._samples and sample.stamp < self._samples[-1].stamp:
                 self.stale += 1
                 return
@@ -74,6 +84,13 @@ class Stream:
             while sample.arrived - self._samples[0].arrived > self._kept:
                 self._samples.popleft()
 
+    def _smallest(self, arrived: int, difference: int) -> int:
+        """The smallest difference of arrival and stamp [ns]; it grows slowly, because clocks drift."""
+        before, self._at = self._at, arrived
+        if self._offset is None:
+            return difference
+        return min(self._offset + round(DRIFT * max(0, arrived - before)), difference)
+
     def _jump(self, sample: Sample, offset: int) -> int:
         """By how much the clock of the stamps was set [ns]; 0: not at all. A message that is late shows nothing."""
         ahead = offset - (sample.arrived - sample.stamp)
@@ -81,7 +98,7 @@ class Stream:
         if back > LATE_NS:
             # The clock here is set, too, where both are that of one machine.
             return ahead if abs(ahead) > LATE_NS else -back
-        return ahead if ahead > LATE_NS else 0
+        return ahead if ahead > LATE_NS and self._steady else 0
 
     def broken(self, why: str) -> None:
         """Note a message that cannot be used."""
@@ -131,7 +148,7 @@ class Stream:
             return f"the newest frame on {self.name} is {age_s:.2f} s old, more than {most_s:g} s"
         return ""
 
-    def unfit(self, than: Stream, early_s: float, slow_s: float) -> str:
+    def unfit(self, than: Stream, early_s: float = EARLY_S, slow_s: float = SLOW_S) -> str:
         """How much earlier or later its messages come than those of another stream with the same stamps.
 
         Offsets contain delays, so that a clock that is behind and a slow sensor look alike.

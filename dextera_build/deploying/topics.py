@@ -70,7 +70,7 @@ def of_robot(robot: RobotModel, names: RosNames, cameras: Iterable[str] = ()) ->
         cameras: Cameras that are read.
 
     Raises:
-        RuleError: A name is no joint of the robot, or a joint has no controller, or several.
+        RuleError: A name is no joint of the robot, or is that of several, or a joint has no controller, or several.
     """
     every = tuple(joint.name for joint in robot.joints)
     given = names.controllers or (Controller(topic=BY_NAME["action"].topic),)
@@ -110,10 +110,13 @@ def _check(every: tuple[str, ...], names: RosNames, commanded: list[str]) -> Non
     unknown = sorted({*names.joints, *names.flipped, *commanded} - {*every})
     twice = sorted({joint for joint in commanded if commanded.count(joint) > 1})
     without = [joint for joint in every if joint not in commanded]
+    named = [names.joints.get(joint, joint) for joint in every]
+    alike = sorted({name for name in named if named.count(name) > 1})
     for wrong, what in (
         (unknown, "are no joints of this robot"),
         (twice, "belong to several controllers"),
         (without, "belong to no controller"),
+        (alike, "are the names of several joints"),
     ):
         if wrong:
             raise RuleError(

@@ -29,6 +29,10 @@ TOGETHER_NS = SECOND // 50
 """Largest difference of the stamps of a picture and its depth [ns], which drivers that register depth make equal."""
 NEAR_NS = SECOND // 10
 """Largest difference of the stamps of a picture and the joint state that belongs to it [ns]."""
+UNFIT_S = 5.0
+"""Time after which stamps that do not fit are told [s]."""
+ALIVE_S = 1.0
+"""Time without a message after which a topic is silent [s]; what is silent is waited for."""
 FRAMES_S = 0.5
 """Time for which pictures and depth are kept [s]."""
 FRAME_S = 1 / 15
@@ -55,6 +59,8 @@ class Watched:
         self._state = _stream(topics.joints)
         self._merged = Merged(wire.Joints([joint.name for joint in bundle.robot.joints], topics))
         self._shown: Sample | None = None
+        self._clock, self._transport = transport.clock, transport
+        self._unfit_since: int | None = None
         self._fault = ""
         for each in topics.states:
             transport.subscribe(each, partial(self._merged.read, each.kind, into=self._state))
@@ -86,13 +92,12 @@ class Watched:
         if depth is None or picture is None or camera is None or depth is self._shown:
             return None
         state = self._state.nearest(picture.stamp)
-        if (
-            state is None
-            or abs(picture.stamp - state.stamp) > NEAR_NS
-            or abs(picture.stamp - depth.stamp) > TOGETHER_NS
-        ):
+        if state is None:
             return None
-        self._shown = depth
+        if why := self._unfit(picture, depth, state):
+            self._tell_unfit(why)
+            return None
+        self._shown, self._unfit_since = depth, None
         try:
             rgb = images.pixels(picture.value, self._picture.topic)
             metres = images.depths(depth.value, self._depth.topic)
@@ -104,8 +109,26 @@ class Watched:
             raise _unusable(f"pictures and depth are {shapes} px, `{self.info.name}` says {size[1]} x {size[0]}")
         return picture.stamp, rgb, metres, np.array(state.value)
 
+    def _unfit(self, picture: Sample, depth: Sample, state: Sample) -> str:
+        """Why these are not of one time; empty if they are."""
+        if (apart := abs(picture.stamp - depth.stamp)) > TOGETHER_NS:
+            return f"a picture and its depth are {apart / SECOND:.3f} s apart"
+        if (apart := abs(picture.stamp - state.stamp)) > NEAR_NS:
+            return f"pictures and joint states are {apart / SECOND:.3f} s apart"
+        return self._picture.unfit(self._state)
+
+    def _tell_unfit(self, why: str) -> None:
+        """Raise once nothing fits although everything arrives."""
+        now = self._clock()
+        if any(each.silent_s(now) > ALIVE_S for each in self._streams()):
+            self._unfit_since = None
+        elif self._unfit_since is None:
+            self._unfit_since = now
+        elif (now - self._unfit_since) / SECOND > UNFIT_S:
+            raise _unusable(f"for {UNFIT_S:g} s, {why}")
+
     def _check(self) -> None:
-        fault = self._fault or next((each.fault for each in self._streams() if each.fault), "")
+        fault = self._fault or self._transport.fault or next((each.fault for each in self._streams() if each.fault), "")
         if fault:
             raise _unusable(fault)
 
@@ -126,8 +149,11 @@ class Watched:
             self._fault = str(error)
             return
         fx, _, cx, _, fy, cy, *_ = (float(each) for each in found.k)
-        if np.any(found.d) or fx <= 0 or fy <= 0:
+        if np.any(found.d) or not (fx > 0 and fy > 0 and np.isfinite([fx, fy, cx, cy]).all()):
             self._fault = f"`{self.info.name}` has a distortion, or no focal length; rectified pictures are needed"
+            return
+        if not (found.width and found.height):
+            self._fault = f"`{self.info.name}` states no size of the pictures"
             return
         self.camera = Camera(width=int(found.width), height=int(found.height), fx=fx, fy=fy, cx=cx, cy=cy)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -125,15 +125,16 @@ def poses(stamp: int, base: str, placed: Mapping[str, np.ndarray]) -> bytes:
     return messages.transforms(stamp, [(base, name, pose) for name, pose in placed.items()])
 
 
-def placed(message: Any, base: str) -> dict[str, tuple[int, np.ndarray]]:
-    """Child -> stamp [ns] and pose (7,) with w >= 0 of the transforms from frame `base` in an unpacked `TFMessage`.
+def placed(message: Any, base: str, names: Collection[str]) -> dict[str, tuple[int, np.ndarray]]:
+    """Stamp [ns] and pose (7,) with w >= 0 of each of `names` from frame `base` in an unpacked `TFMessage`.
 
     Raises:
         UnusableError: A pose is not finite, or its rotation is none.
     """
     found = {}
     for each in message.transforms:
-        if each.header.frame_id.lstrip("/") != base:
+        child = each.child_frame_id.lstrip("/")
+        if each.header.frame_id.lstrip("/") != base or child not in names:
             continue
         at, turn = each.transform.translation, each.transform.rotation
         pose = np.array([at.x, at.y, at.z, turn.w, turn.x, turn.y, turn.z])
@@ -141,5 +142,5 @@ def placed(message: Any, base: str) -> dict[str, tuple[int, np.ndarray]]:
         if not np.isfinite(pose).all() or abs(length - 1.0) > 1e-3:
             raise UnusableError(f"the pose of `{each.child_frame_id}` is not finite, or its rotation is none")
         pose[3:] *= (1.0 if pose[3] >= 0 else -1.0) / length
-        found[each.child_frame_id.lstrip("/")] = stamp_of(each.header), pose
+        found[child] = stamp_of(each.header), pose
     return found

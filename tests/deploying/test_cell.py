@@ -80,6 +80,8 @@ def test_a_sign_that_is_not_declared_moves_the_wrong_way() -> None:
     [
         (RosNames(joints={"elbow": "e"}), "elbow are no joints of this robot"),
         (RosNames(controllers=(Controller(topic="/a", joints=("x", "y")),)), "left, right, z belong to no controller"),
+        (RosNames(joints={"x": "rail", "y": "rail"}), "rail are the names of several joints"),
+        (RosNames(joints={"x": "y"}), "y are the names of several joints"),
         (
             RosNames(controllers=(Controller(topic="/a"), Controller(topic="/b", joints=("x",)))),
             "x belong to several controllers",

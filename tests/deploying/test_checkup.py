@@ -153,3 +153,35 @@ def test_the_offset_of_the_clock_is_told_and_no_failure() -> None:
     rig = Rig(simulation=Simulation(clock_s=1.5))
     assert failed(rig) == {}
     assert rig.cell.state.offset_s == pytest.approx(-1.5)
+
+
+def test_of_several_readers_one_has_to_fit_and_all_are_told() -> None:
+    rig = Rig()
+    recorder = Loopback(rig.bus)
+    recorder.subscribe(Topic("/joint_trajectory", "std_msgs/String"), lambda message, at: None)
+    rig.bus.members.insert(0, rig.bus.members.pop())
+    checks = checkup(rig.transport, rig.cell._topics, rig.cell, rig.bundle.robot, rig.sleep)
+    assert all(each.ok for each in checks)
+    told = next(each.found for each in checks if each.what == "/joint_trajectory has a controller")
+    assert told == "2 readers: std_msgs/String, reliable; trajectory_msgs/JointTrajectory, reliable"
+
+
+def test_a_topic_whose_program_is_not_named_is_published_if_it_arrives() -> None:
+    rig = Rig()
+    others = rig.transport.others
+    rig.transport.others = lambda: tuple(  # type: ignore[method-assign]
+        each for each in others() if each.topic not in ("/tf", "/objects/joint_states")
+    )
+    assert failed(rig) == {}
+    rig.robot._simulation = Simulation(tracks=False)
+    rig.sleep(1.0)
+    assert {"/tf of box arrives", "/tf of case arrives"} <= failed(rig).keys()
+
+
+def test_joint_states_without_stamps_are_found() -> None:
+    rig = Rig()
+    told = rig.robot._joints.state
+    rig.robot._joints.state = lambda stamp, places: told(0, places)  # type: ignore[method-assign]
+    found = failed(rig)
+    assert "header.stamp" in found["/joint_states stamps"].mend
+    assert "rate of joint states" not in found

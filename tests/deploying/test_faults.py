@@ -13,11 +13,14 @@ pytest.importorskip("rosbags", reason="needs rosbags (extra `ros`)")
 
 from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.artifacts.robots.ros_names import Controller, RosNames
+from dextera_build.deploying import topics as tables
 from dextera_build.deploying.cell import GUARDED, Safety
+from dextera_build.deploying.commanders import KEPT, Commanders
 from dextera_build.deploying.driving import Clock
 from dextera_build.deploying.faults import FAULTS, Fault, FaultKind
 from dextera_build.deploying.loopback import Loopback
 from dextera_build.deploying.simulated import Simulation
+from dextera_build.formats.ros import messages
 from dextera_build.policy.running import PolicyFault
 from tests.deploying.robots import Line, Rig
 
@@ -322,3 +325,54 @@ def test_the_clock_of_this_machine_that_is_set_back_stops_the_run_at_once() -> N
     assert "the stamps of `/joint_states` jumped by -29.99 s" in ran.reason
     assert ran.steps <= 12
     assert Clock().now is time.monotonic_ns, "or else the loop would sleep for these 30 s"
+
+
+def test_an_error_while_messages_are_received_ends_held_and_explained() -> None:
+    rig = Rig(needed=())
+
+    def step() -> np.ndarray:
+        rig.transport.fault = "a message could not be taken: RuntimeError: it changed"
+        return TARGETS
+
+    ran = rig.drive(Line(TARGETS, after=10, then=step))
+    assert ran.reason == f"the guard stopped the robot: {rig.transport.fault}"
+    held(rig)
+
+
+def test_transforms_of_others_are_not_looked_at() -> None:
+    rig = Rig()
+    other = Loopback(rig.bus)
+
+    def step() -> np.ndarray:
+        edges = [("base", "camera_link", np.zeros(7))]
+        other.publish(tables.offered(rig.cell._topics.objects), messages.transforms(rig.time, edges))
+        return TARGETS
+
+    assert not rig.drive(Line(TARGETS, after=10, then=step)).faulty
+
+
+def test_commands_are_looked_up_while_others_are_noted() -> None:
+    rig = Rig()
+    (controller,) = rig.cell._topics.controllers
+    known = Commanders(Loopback(rig.bus), rig.cell._topics, rig.cell._joints)
+    commands = [rig.cell._joints.command(at, controller, np.full(5, 1e-4 * at), 50_000_000) for at in range(1, 1200)]
+    for command in commands[:900]:
+        known.sends(controller, command)
+    ended, failed = threading.Event(), list[BaseException]()
+
+    def listen() -> None:
+        try:
+            while not ended.is_set():
+                known._heard(controller, commands[899], 0)
+        except RuntimeError as error:
+            failed.append(error)
+
+    thread = threading.Thread(target=listen)
+    thread.start()
+    for command in commands[900:]:
+        known.sends(controller, command)
+        time.sleep(0.0005)
+    ended.set()
+    thread.join()
+    assert (failed, known.fault) == ([], "")
+    assert len(known._own) == KEPT

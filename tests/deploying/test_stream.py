@@ -19,8 +19,8 @@ def stream(*pairs: tuple[int, int]) -> Stream:
 
 def test_offset_is_that_of_the_shortest_delay() -> None:
     made = stream((0, 1030), (10, 1020), (20, 1050))
-    assert made.offset_s == pytest.approx(1.010)
-    assert made.late_s() == pytest.approx(0.020)
+    assert made.offset_s == pytest.approx(1.010, abs=1e-5)
+    assert made.late_s() == pytest.approx(0.020, abs=1e-5)
     assert made.silent_s(1090 * MS) == pytest.approx(0.040)
     assert made.rate_hz() == pytest.approx(100.0)
 
@@ -55,11 +55,32 @@ def test_a_fast_stream_keeps_as_long_as_a_slow_one() -> None:
     assert found.value == 1100
 
 
+def test_a_clock_that_is_slower_than_the_one_here_is_no_delay() -> None:
+    made, slower = Stream("/states"), 50e-6
+    for second in range(0, 3600, 2):
+        made.add(Sample(round(second * 1000 * (1 - slower) * MS), (second * 1000 + 5) * MS, None))
+        assert made.late_s() < 0.001
+    assert made.offset_s == pytest.approx(0.005 + 3600 * slower, abs=0.001)
+
+
+def test_the_first_answers_of_a_tracker_may_be_slow() -> None:
+    def fed(**options: bool) -> Stream:
+        made = Stream("/tf", of="cube", **options)
+        for second in range(10):
+            made.add(Sample(1000 * second * MS, (1000 * second + 750) * MS, None))
+        made.add(Sample(10_000 * MS, 10_060 * MS, None))
+        return made
+
+    assert fed(steady=False).fault == ""
+    assert fed(steady=False).offset_s == pytest.approx(0.06)
+    assert "jumped by +0.69 s" in fed().fault
+
+
 def test_a_message_that_is_very_late_is_no_fault_of_its_own() -> None:
     made = stream((0, 5), (10, 915))
     assert made.fault == ""
-    assert made.late_s() == pytest.approx(0.9)
+    assert made.late_s() == pytest.approx(0.9, abs=1e-3)
     made.add(Sample(900 * MS, 915 * MS, None))
     assert made.fault == ""
-    assert made.late_s() == pytest.approx(0.01)
+    assert made.late_s() == pytest.approx(0.01, abs=1e-3)
     assert stream().late_s() == float("inf")

@@ -97,13 +97,13 @@ def info(camera: Camera) -> tuple[Topic, bytes]:
     return Topic("/eye/camera_info", "sensor_msgs/CameraInfo", SENSOR), messages.camera_info(0, "eye", camera)
 
 
-def publish(rig: Seen, camera: Loopback, size: tuple[int, int]) -> None:
-    """A black picture and its depth, stamped by the robot's clock."""
+def publish(rig: Seen, camera: Loopback, size: tuple[int, int], camera_s: float = 0.0, depth_s: float = 0.0) -> None:
+    """A black picture and its depth, stamped by the robot's clock; those stamps may be off."""
     topics = tables.of_robot(TWIN.robot, NAMES, ("workspace",))
     (picture,), (depth,) = topics.pictures.values(), topics.depths.values()
-    stamp = rig.robot._clock()
+    stamp = rig.robot._clock() + round(camera_s * 1e9)
     camera.publish(picture, messages.compressed_image(stamp, "eye", "png", png(np.zeros((*size, 3), np.uint8))))
-    camera.publish(depth, messages.depth_image(stamp, "eye", np.zeros(size, np.uint16)))
+    camera.publish(depth, messages.depth_image(stamp + round(depth_s * 1e9), "eye", np.zeros(size, np.uint16)))
 
 
 def test_what_is_missing_is_named() -> None:
@@ -157,6 +157,42 @@ def test_without_joint_states_there_are_no_frames(kind: FaultKind) -> None:
     rig.sleep(0.3)
     publish(rig, camera, (48, 64))
     assert looking.frame() is None
+
+
+@pytest.mark.parametrize(
+    ("camera_s", "depth_s", "why"),
+    [
+        (0.3, 0.0, r"for 5 s, pictures and joint states are 0\.3\d\d s apart"),
+        (-0.3, 0.0, r"for 5 s, .* comes 0\.30 s later than /joint_states with the same stamps"),
+        (0.0, 0.03, r"for 5 s, a picture and its depth are 0\.030 s apart"),
+    ],
+)
+def test_stamps_that_never_fit_end_the_tracker(camera_s: float, depth_s: float, why: str) -> None:
+    rig, camera, looking = watching()
+    camera.publish(*info(factories.camera(64, 48)))
+
+    def shown(seconds: float) -> list[bool]:
+        found = []
+        for _ in range(round(seconds * 10)):
+            rig.sleep(0.1)
+            publish(rig, camera, (48, 64), camera_s, depth_s)
+            found.append(looking.frame() is not None)
+        return found
+
+    assert not any(shown(4.0))
+    rig.sleep(2.0)
+    assert looking.frame() is None, "a camera that is silent is waited for"
+    assert not any(shown(4.0))
+    with pytest.raises(MachineError, match=why):
+        shown(2.0)
+
+
+def test_intrinsics_that_are_no_numbers_are_refused() -> None:
+    _, camera, looking = watching()
+    lens = factories.camera(64, 48).model_copy(update={"fx": float("nan")})
+    camera.publish(*info(lens))
+    with pytest.raises(MachineError, match="no focal length"):
+        looking.missing()
 
 
 def test_a_picture_with_another_size_than_the_intrinsics_is_refused() -> None:
