@@ -102,7 +102,8 @@ class Encoders:
         self._rest = np.where(moves, positions, self._rest)
         self._rest_target = np.where(moves, self._targets, self._rest_target)
         followed = np.abs(self._rest - self._start) > 0.0
-        away = np.abs(self._targets - self._rest_target) > np.where(followed, BEYOND, 1.0) * self._moved
+        since = np.where(self._waits, positions, self._rest_target)
+        away = np.abs(self._targets - since) > np.where(followed, BEYOND, 1.0) * self._moved
         self._since = np.where(away & ~moves, np.minimum(self._since, time_s), np.inf)
         names = [self._names[row] for row in np.flatnonzero((time_s - self._since > STILL_S) & self._stiff)]
         told = "its controller refuses the commands, a brake holds it, or something blocks it"
@@ -115,7 +116,8 @@ class Encoders:
         sent_up, sent_down = self._high > self._moved, self._low < -self._moved
         self._shown |= (up & sent_up) | (down & sent_down)
         opposite = ~self._shown & ((up & sent_down & ~sent_up) | (down & sent_up & ~sent_down))
-        wrong = opposite | (np.maximum(away - self._high, self._low - away) > BEYOND * self._moved)
+        beyond = np.maximum(away - self._high, self._low - away)
+        wrong = opposite | (beyond > np.where(self._waits, OPPOSITE, BEYOND) * self._moved)
         names = [self._names[row] for row in np.flatnonzero(wrong & self._stiff)]
         told = "positions and commands have different signs, or belong to different joints"
         return f"{listing(names)} moved away from the targets: {told}" if names else ""

@@ -306,8 +306,9 @@ def test_after_commands_that_were_not_obeyed_no_joint_jumps_far(off_s: float) ->
     assert rig.robot.environment.measure().joints[0] == pytest.approx(0.55, abs=0.01)
 
 
-def test_a_flipped_sign_shows_although_targets_wait_for_their_joints() -> None:
-    rig = Rig(simulation=Simulation(faults=(Fault("sign_flipped", at_s=0.0),)), needed=())
+@pytest.mark.parametrize("at_s", [0.0, 0.6, 0.8])
+def test_a_flipped_sign_shows_although_targets_wait_for_their_joints(at_s: float) -> None:
+    rig = Rig(simulation=Simulation(faults=(Fault("sign_flipped", at_s=at_s),)), needed=())
     ran = rig.drive(Line(np.array([0.5, 0.0, 0.0, 0.04, 0.04])), limit_s=6.0)
     assert f"x {ASTRAY}" in ran.reason
     held(rig)
