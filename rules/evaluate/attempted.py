@@ -33,15 +33,16 @@ class AttemptedBackend(Protocol):
         ...
 
 
-@rule(version=2, packages=("numpy", "mcap", "mcap-ros2-support"), runs={"bundle": "primitive"})
+@rule(version=3, packages=("numpy", "mcap", "mcap-ros2-support"), runs={"bundle": "primitive"})
 def attempted(
     ctx: Context[AttemptedBackend], bundle: TaskBundle, runs: File | Folder, *, options: AttemptedOptions
 ) -> Trials:
     """Return the trials in recordings of `dxb run`, one file `.mcap` each, in the order of their names.
 
     A trial is judged by the task's own predicate from what was measured, in the model of the twin `bundle`. If the
-    operator gave a verdict, that one counts; both are kept. Runs in which nothing was sent, or objects were not
-    measured at all times, are left out. The world is `real`, or the one that a simulated robot states.
+    operator gave a verdict, that one counts; both are kept. Where objects were not measured at all times, the
+    operator's verdict alone judges; such runs without one, and runs in which nothing was sent, are left out. The world
+    is `real`, or the one that a simulated robot states.
 
     Raises:
         RuleError: There is no recording, or they are of another task or robot, of several policies, or worlds.
@@ -54,12 +55,17 @@ def attempted(
     )
     record = Record(bundle.model_copy(update={"kind": about["world"]}), "tracked")
     attempts: Iterator[tuple[str, Attempt]] = ctx.backend.judged(ctx, record.bundle, found, ctx.backend_options)
+    overruled = 0
     for name, attempt in attempts:
+        examples = dict(record.examples)
         record.add(attempt)
-        ctx.log(f"{name}: {_outcome(attempt)}")
+        if not found[name].complete:
+            record.examples = examples  # where its objects were is not known
+        overruled += attempt.episode is not None and found[name].operator is not None
+        ctx.log(f"{name}: {_outcome(attempt, found[name].operator)}")
     close(ctx, record)
     verdicts = [trial.verdicts for trial in record.items if trial.verdicts and trial.verdicts.operator is not None]
-    ctx.metric("judged by the operator", len(verdicts), f"of {len(record.items)}")
+    ctx.metric("judged by the operator", overruled, f"of {len(record.items)}")
     if verdicts:
         same = sum(each.measured == each.operator for each in verdicts)
         ctx.metric("same verdict from measurements", same, f"of {len(verdicts)}")
@@ -81,9 +87,8 @@ def _one(ctx: Context, fact: str, runs: Mapping[str, RobotRun]) -> str:
     return next(iter(values.values()))
 
 
-def _outcome(attempt: Attempt) -> str:
+def _outcome(attempt: Attempt, operator: bool | None) -> str:
     if attempt.episode is None:
         return attempt.excluded
-    given = attempt.verdicts.operator if attempt.verdicts else None
-    said = {None: "", True: ", by the operator", False: ", by the operator"}[given]
+    said = "" if operator is None else ", by the operator"
     return ("success" if attempt.episode.success else attempt.episode.reason) + said

@@ -83,6 +83,7 @@ def recording(
     limit_s: float = 12.0,
     camera: np.ndarray | None = None,
     needed: tuple[str, ...] = NEEDED,
+    simulation: Simulation | None = None,
     thinks: Callable[[], float] = lambda: 0.0,
     **about: str,
 ) -> bytes:
@@ -90,7 +91,7 @@ def recording(
 
     `thinks` says how long each answer of the policy takes [s].
     """
-    rig = Rig(out=io.BytesIO(), camera=camera, needed=needed)
+    rig = Rig(out=io.BytesIO(), simulation=simulation, camera=camera, needed=needed)
     rig.sleep(0.1)
     rig.bag.describe(rig.bundle, rig.time)
     said = {"policy": "0" * 64, "algorithm": "line", "origin": origin}

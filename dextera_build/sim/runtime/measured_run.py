@@ -11,10 +11,12 @@ from dextera_build import digest
 from dextera_build.artifacts.tasks.episode import Episode, Start
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.artifacts.tasks.trials import Attempt, Verdicts
+from dextera_build.geometry import poses, transforms
 from dextera_build.policy.declared import DECLARED
 from dextera_build.policy.layout import of_bundle
 from dextera_build.policy.observation import Measurement, in_worlds
 from dextera_build.policy.robot_run import RobotRun
+from dextera_build.sim.model.model import at_home, compile_folder
 from dextera_build.sim.primitives import catalogue
 from dextera_build.sim.runtime.measured_state import MeasuredState
 from dextera_build.sim.runtime.seeds import seed_of
@@ -24,7 +26,7 @@ UNMOVED = "nothing was sent"
 OVERRULED = "the operator saw that it failed"
 
 
-def attempt(bundle: TaskBundle, run: RobotRun) -> Attempt:
+def attempt(bundle: TaskBundle, run: RobotRun, *, trusts: bool = False) -> Attempt:
     """The attempt that a run was; one in which nothing was sent, or objects were not measured, is excluded.
 
     The start is the first measurement in the twin's model: dynamics of the robot and of objects are not known, so that
@@ -33,20 +35,51 @@ def attempt(bundle: TaskBundle, run: RobotRun) -> Attempt:
     Args:
         bundle: The task in the twin.
         run: Its recording.
+        trusts: Whether the operator's verdict is enough where objects were not measured at all times; they are then
+            assumed where they were seen last, and nothing is judged from them.
     """
     number = seed(run)
-    if not len(run.sent) or not run.complete:
+    if not len(run.sent) or not (run.complete or (trusts and run.operator is not None)):
         return Attempt(seed=number, excluded=UNSEEN if len(run.sent) else UNMOVED)
-    mirror = MeasuredState(bundle, staged=True)
-    done = judged(mirror, run, bundle.task.control_hz)
-    verdicts = Verdicts(measured=done, operator=run.operator)
+    mirror, verdicts, done = MeasuredState(bundle, staged=True), None, False
+    if run.complete:
+        done = judged(mirror, run, bundle.task.control_hz)
+        verdicts = Verdicts(measured=done, operator=run.operator)
+    else:
+        run = _assumed(bundle, run)
+        mirror.begin(run.measured[0])
     success = done if run.operator is None else run.operator
-    missing = mirror.missing if not done else OVERRULED
+    missing = mirror.missing if verdicts and not done else OVERRULED
     episode = _episode(bundle, run, mirror, number).model_copy(
         update={"success": success, "reason": "" if success else missing or run.ended}
     )
     placed = run.measured[0].objects.astype(np.float32)
     return Attempt(seed=number, episode=episode, placed=placed, stage=mirror.stage, verdicts=verdicts)
+
+
+def _assumed(bundle: TaskBundle, run: RobotRun) -> RobotRun:
+    """The run with every object where it was seen last, or else first, or else photographed."""
+    data = at_home(compile_folder(bundle.model))
+    base = bundle.base_pose.inverse().matrix
+    bodies = [data.body(name) for name in bundle.objects]
+    places = [transforms.rigid(each.xmat.reshape(3, 3), each.xpos) for each in bodies]
+    photographed = np.array([poses.from_matrix(base @ each) for each in places]).reshape(-1, 7)
+    inner = np.array([data.joint(name).qpos[0] for name in bundle.displacement_names]).reshape(-1, 1)
+    objects = _last(np.array([each.objects for each in run.measured]), photographed)
+    joints = _last(np.array([each.displacement for each in run.measured])[..., None], inner)[..., 0]
+    rows = zip(run.measured, objects, joints, strict=True)
+    measured = tuple(replace(each, objects=seen, displacement=opened) for each, seen, opened in rows)
+    return replace(run, measured=measured)
+
+
+def _last(rows: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
+    """Rows (T, N, K) with NaN replaced by the last row before, else the first one after, else that of (N, K)."""
+    found, at = rows.copy(), np.arange(len(rows))
+    for number, each in enumerate(otherwise):
+        known = np.isfinite(rows[:, number]).all(axis=-1)
+        last = np.maximum.accumulate(np.where(known, at, -1))
+        found[:, number] = rows[np.where(last < 0, known.argmax(), last), number] if known.any() else each
+    return found
 
 
 def seed(run: RobotRun) -> int:

@@ -16,6 +16,8 @@ from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.mixture import Mixture
 from dextera_build.artifacts.tasks.task import View
 from dextera_build.artifacts.tasks.trials import Trials
+from dextera_build.deploying.faults import Fault
+from dextera_build.deploying.simulated import Simulation
 from dextera_build.errors import ArtifactError, RuleError
 from dextera_build.formats.ros import reading
 from dextera_build.policy import robot_run
@@ -67,6 +69,25 @@ def test_the_operator_overrules_and_both_verdicts_are_kept(tmp_path: Path) -> No
     assert made.items[0].reason == "the operator saw that it failed"
     kept = [trial.verdicts for trial in made.items]
     assert [(each.measured, each.operator) for each in kept if each] == [(True, False), (False, True)]
+
+
+@pytest.mark.medium
+def test_where_objects_are_not_measured_the_operator_alone_judges(tmp_path: Path) -> None:
+    def blind(operator: bool | None, seconds: float = 0.5) -> bytes:
+        lost = Simulation(loss=0.0, faults=(Fault("poses_stop", at_s=0.2),))
+        more = {"needed": (), "operator": operator, "limit_s": seconds, "world": "real", "simulation": lost}
+        return robots.recording(robots.Lifting((robots.OVER,)), **more)
+
+    runs = {"a.mcap": blind(True, 1.0), "b.mcap": blind(False, 1.1), "c.mcap": blind(None, 1.2)}
+    made = trials(tmp_path, runs)
+    assert [trial.success for trial in made.items] == [True, False]
+    assert made.items[1].reason == "the operator saw that it failed"
+    assert [trial.verdicts for trial in made.items] == [None, None], "nothing was judged from measurements"
+    assert made.excluded == {"the objects were not measured at all times": 1}
+    assert made.placed[0, 0, :2] == pytest.approx(task_bundles.BOX_M, abs=2e-3)
+    assert made.examples.items == made.examples.failures == {}, "their objects are not known"
+    with pytest.raises(RuleError, match="none of 3 recordings"):
+        RuleRunner(tmp_path).run("demonstrate.recorded", bundle=BUNDLE, runs=Folder(files=runs))
 
 
 def test_episodes_are_what_was_measured_and_sent(tmp_path: Path) -> None:
