@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -94,6 +95,7 @@ class Ahead:
         last: Joint targets (A,) that were sent last.
         rate_hz: Control rate [Hz].
         every: Number of steps of a chunk after which the next one is asked for, if its answer comes at once.
+        history: Number of observations that the policy takes; None: all since the last question.
         answer_s: Longest time of an answer, except the first after `reset` [s].
         now: The time [ns].
         forget: Decay of the weights of overlapping chunks, see `Ensemble`.
@@ -107,6 +109,7 @@ class Ahead:
         *,
         rate_hz: float,
         every: int,
+        history: int | None = None,
         answer_s: float,
         now: Callable[[], int],
         forget: float = 0.0,
@@ -114,6 +117,7 @@ class Ahead:
     ) -> None:
         self._forget = forget
         self._policy, self._last, self._every, self._answer_s, self._now = policy, last, every, answer_s, now
+        self._history = history
         self._rate_hz, self._fade = rate_hz, max(1, round(FADE_S * rate_hz))
         self._worker = worker or Threads()
         self.answers_s: list[float] = []
@@ -131,6 +135,7 @@ class Ahead:
             policy,
             lambda: cell.previous_action,
             rate_hz=cell.rate_hz,
+            history=policy.contract.history,
             every=int(policy.contract.settings.get("every", 1)),
             answer_s=cell.safety.answer_s,
             now=time.time_ns,
@@ -176,7 +181,7 @@ class Ahead:
         self._asked: Future[np.ndarray] | None = None
         self._chunks: list[Answer] = []
         """Oldest first."""
-        self._unseen: list[DeployableObservation] = []
+        self._unseen = deque[DeployableObservation](maxlen=self._history)
         self._step = self._asked_at = self._since = 0
         self._joined, self._shift = 0, np.zeros(0)
 
@@ -187,7 +192,8 @@ class Ahead:
 
     def _ask(self) -> None:
         self._asked = self._worker.submit(partial(self._policy.chunk, step=self._step), *self._unseen)
-        self._unseen, self._asked_at, self._since = [], self._step, self._now()
+        self._unseen.clear()
+        self._asked_at, self._since = self._step, self._now()
 
     def _answer(self) -> np.ndarray:
         assert self._asked is not None

@@ -191,3 +191,27 @@ def test_a_failure_in_the_thread_is_that_of_the_run() -> None:
     with pytest.raises(ZeroDivisionError):
         sent(rig, policy)
     assert rig.robot.heard.status[-1] == "stopped: ZeroDivisionError: by zero"
+
+
+def test_a_policy_is_given_no_more_observations_than_it_takes() -> None:
+    rig, given = Rig(), list[int]()
+
+    class Counts(Lagging):
+        def chunk(self, *observations: DeployableObservation, step: int) -> np.ndarray:
+            given.append(len(observations))
+            return super().chunk(*observations, step=step)
+
+    cell, policy = rig.cell, Counts()
+    asked = Ahead(
+        policy,
+        lambda: cell.previous_action,
+        rate_hz=20.0,
+        every=6,
+        history=2,
+        answer_s=0.5,
+        now=lambda: rig.time,
+        worker=Slow(rig, [0.0]),
+    )
+    rig.drive(asked, limit_s=2.0)
+    assert max(given) == 2
+    assert len(given) > 5
