@@ -102,7 +102,7 @@ class Ran:
         for step in range(LENGTH):
             self._time = max(self._time, round(step / RATE_HZ * 1e9))
             # What differs between episodes decides the noise, and nothing else.
-            seen = np.array([HOME[0], *self.sent[-1][1:]]) + (1e-2 * number if step == 0 else 0.0)
+            seen = np.array([HOME[0], *self.sent[-1][1:]]) + (2e-4 * number if step == 0 else 0.0)
             self.sent.append(ahead.act(observation(joints=seen)))
         self.waited = ahead.waited
 
