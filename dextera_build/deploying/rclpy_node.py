@@ -72,14 +72,14 @@ def endpoints(node: Any) -> list[dict[str, Any]]:
 def endpoint(topic: str, writes: bool, info: Any) -> dict[str, Any]:
     """One of them; ROS 2 before Iron states no hash of its type."""
     profile, hashed = info.qos_profile, getattr(info, "topic_type_hash", None)
-    known = hashed is not None and getattr(hashed, "version", 0) > 0
+    stated = f"RIHS{hashed.version:02d}_{bytes(hashed.value).hex()}" if hashed and hashed.version > 0 else ""
     return {
         "topic": topic,
         "kind": info.topic_type.replace("/msg/", "/"),
         "writes": writes,
         "reliable": profile.reliability.name == "RELIABLE",
         "keeps": profile.durability.name == "TRANSIENT_LOCAL",
-        "type_hash": f"RIHS{hashed.version:02d}_{bytes(hashed.value).hex()}" if known else "",
+        "type_hash": stated,
     }
 
 
