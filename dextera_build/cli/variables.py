@@ -43,6 +43,7 @@ OTHERS = {
     "DXB_OUTSIDE": "set by dxb: by it all processes of an outside program are known",
     "DXB_VLM_URL": "address of the service of backend `vlm`",
     "DXB_VLM_API_KEY": "API key of backend `vlm`",
+    "DXB_ROS_PYTHON": "a Python with rclpy, for `--transport rclpy`",
     "DXB_BUNDLES": "folders of task bundles that `import dextera_build.envs` registers for Gymnasium",
     "DXB_FAILPOINT": "for tests: the step at which a process stops",
 }

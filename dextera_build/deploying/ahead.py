@@ -5,6 +5,9 @@ step t - s on. Chunks that reach the present step are averaged as in `policy.run
 chunk was predicted from another measurement, so that every change of chunks would be a jump [almond-bot/axol #191]:
 among few others its weight grows, and one that follows on the last step of all others is shifted to begin at the last
 command, and the shift fades out.
+
+With `Continuing`, the policy is told with each question what is carried out until its answer can arrive, and the answer
+continues that, so that the newest one alone is carried out: real-time chunking (Black et al. 2025).
 """
 
 from __future__ import annotations
@@ -21,14 +24,18 @@ from typing import Any, Protocol
 import numpy as np
 
 from dextera_build.deploying.cell import RosCell
+from dextera_build.deploying.continuing import Continuing
 from dextera_build.deploying.driving import quantiles
 from dextera_build.errors import RuleError
 from dextera_build.formats.ros.reading import SECOND
+from dextera_build.policy.continuing import Plan
 from dextera_build.policy.observation import DeployableObservation
 from dextera_build.policy.running import Policy, PolicyFault
 
 FADE_S = 0.25
 """Time in which the difference that a new chunk makes fades in [s]."""
+PAST = 32
+"""Number of steps before the present one of which a policy is told what was carried out, more than any observes."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +107,7 @@ class Ahead:
         now: The time [ns].
         forget: Decay of the weights of overlapping chunks, see `Ensemble`.
         worker: Runs the policy; None: a thread.
+        continuing: Tells the policy what its answer has to continue; None: overlapping chunks are averaged.
     """
 
     def __init__(
@@ -114,8 +122,9 @@ class Ahead:
         now: Callable[[], int],
         forget: float = 0.0,
         worker: Submits | None = None,
+        continuing: Continuing | None = None,
     ) -> None:
-        self._forget = forget
+        self._forget, self._continuing = forget, continuing
         self._policy, self._last, self._every, self._answer_s, self._now = policy, last, every, answer_s, now
         self._history = history
         self._rate_hz, self._fade = rate_hz, max(1, round(FADE_S * rate_hz))
@@ -129,7 +138,7 @@ class Ahead:
         self._begin()
 
     @classmethod
-    def of(cls, policy: Policy, cell: RosCell) -> Ahead:
+    def of(cls, policy: Policy, cell: RosCell, continuing: Continuing | None = None) -> Ahead:
         """A trained policy for a robot, with the limits of its cell."""
         return cls(
             policy,
@@ -140,6 +149,7 @@ class Ahead:
             answer_s=cell.safety.answer_s,
             now=time.time_ns,
             forget=float(policy.contract.settings.get("forget", 0.0)),
+            continuing=continuing,
         )
 
     def reset(self) -> None:
@@ -184,13 +194,27 @@ class Ahead:
         self._unseen = deque[DeployableObservation](maxlen=self._history)
         self._step = self._asked_at = self._since = 0
         self._joined, self._shift = 0, np.zeros(0)
+        self._carried: deque[np.ndarray] = deque(maxlen=PAST)
+
+    def _delay(self) -> int:
+        """Steps that are carried out before an answer arrives, if it takes as long as the slowest of the last ones."""
+        return int(np.ceil(max(self.answers_s[-5:], default=0.0) * self._rate_hz))
 
     def _due(self) -> int:
         """Steps into a chunk after which the next one is asked for, so that it arrives before the last step."""
-        lead = int(np.ceil(max(self.answers_s[-5:], default=0.0) * self._rate_hz)) + 1
-        return max(1, min(self._every, len(self._chunks[-1].targets) - lead))
+        return max(1, min(self._every, len(self._chunks[-1].targets) - self._delay() - 1))
+
+    def _plan(self) -> Plan | None:
+        """What the robot is told until the next answer arrives, and would be told after it."""
+        if not self._chunks:
+            return None
+        left = self._chunks[-1].targets[self._step - self._chunks[-1].asked :]
+        past = np.array(self._carried).reshape(len(self._carried), left.shape[1])
+        return Plan(past, left, max(1, self._delay()))
 
     def _ask(self) -> None:
+        if self._continuing is not None:
+            self._continuing.plan = self._plan()
         self._asked = self._worker.submit(partial(self._policy.chunk, step=self._step), *self._unseen)
         self._unseen.clear()
         self._asked_at, self._since = self._step, self._now()
@@ -216,6 +240,8 @@ class Ahead:
         if not self._chunks:
             self._joined = self._step
             self._shift = np.zeros(chunk.shape[1]) if first else self._last() - chunk[max(0, passed - 1)]
+        elif self._continuing is not None:
+            self._chunks.clear()  # the new one continues them
         self._chunks.append(Answer(chunk, self._asked_at, self._step, len(self._chunks)))
 
     def _target(self) -> np.ndarray:
@@ -225,8 +251,10 @@ class Ahead:
         found = [each for each in self._chunks if each.reaches(step)]
         if not found:
             self.waited += 1
-            return self._last()
+            self._carried.append(self._last())
+            return self._carried[-1]
         weights = np.exp(-self._forget * np.arange(len(found))) * [each.weight(step, self._fade) for each in found]
         mean = weights @ np.stack([each.targets[step - each.asked] for each in found]) / weights.sum()
         left = max(0.0, 1.0 - (step - self._joined + 1) / self._fade)
-        return np.asarray(mean + left * self._shift)
+        self._carried.append(np.asarray(mean + left * self._shift))
+        return self._carried[-1]

@@ -121,9 +121,7 @@ class Dds:
 
     def round_trip_s(self) -> float | None:
         """Longest time to a peer and back [s]; None if one does not answer."""
-        times = [delay.round_trip_s(peer) for peer in self._peers]
-        known = [each for each in times if each is not None]
-        return max(known) if len(known) == len(times) else None
+        return delay.longest_s(self._peers)
 
     def close(self) -> None:
         """End all topics; nothing is received afterwards."""

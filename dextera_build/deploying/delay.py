@@ -31,6 +31,13 @@ def round_trip_s(host: str, ports: Sequence[int] = PORTS) -> float | None:
     return None
 
 
+def longest_s(hosts: Sequence[str]) -> float | None:
+    """Longest time to several machines and back [s]; None if one does not answer."""
+    times = [round_trip_s(host) for host in hosts]
+    known = [each for each in times if each is not None]
+    return max(known) if len(known) == len(times) else None
+
+
 def answered_s(address: str, port: int) -> float | None:
     """Time until a connection is made or refused [s]; None if neither happens in time."""
     begun = time.perf_counter()

@@ -51,7 +51,7 @@ class Watched:
     def __init__(self, transport: Transport, topics: Topics, bundle: TaskBundle) -> None:
         ((name, picture),) = topics.pictures.items()
         depth = topics.depths[name]
-        self.info = Topic(beside(picture.name), "sensor_msgs/CameraInfo", SENSOR)
+        self.info = info_of(topics, name)
         """Topic with the intrinsics."""
         self.camera: Camera | None = None
         """Intrinsics of the pictures; None before they arrived."""
@@ -144,18 +144,9 @@ class Watched:
 
     def _informed(self, message: bytes, arrived: int) -> None:
         try:
-            found = wire.unpacked(self.info.kind, message)
+            self.camera = intrinsics(self.info, message)
         except wire.UnusableError as error:
             self._fault = str(error)
-            return
-        fx, _, cx, _, fy, cy, *_ = (float(each) for each in found.k)
-        if np.any(found.d) or not (fx > 0 and fy > 0 and np.isfinite([fx, fy, cx, cy]).all()):
-            self._fault = f"`{self.info.name}` has a distortion, or no focal length; rectified pictures are needed"
-            return
-        if not (found.width and found.height):
-            self._fault = f"`{self.info.name}` states no size of the pictures"
-            return
-        self.camera = Camera(width=int(found.width), height=int(found.height), fx=fx, fy=fy, cx=cx, cy=cy)
 
 
 class ObjectTracker:
@@ -214,6 +205,26 @@ class ObjectTracker:
         if jointed and set(jointed) <= placed.keys():
             message = self._inner.state(stamp, self._known.displacement)
             self._transport.publish(offered(self._topics.displacement), message)
+
+
+def info_of(topics: Topics, camera: str) -> Topic:
+    """The topic with the intrinsics of a camera."""
+    return Topic(beside(topics.pictures[camera].name), "sensor_msgs/CameraInfo", SENSOR)
+
+
+def intrinsics(info: Topic, message: bytes) -> Camera:
+    """The intrinsics that a message of `info_of` states.
+
+    Raises:
+        UnusableError: It is damaged, or pictures are not rectified.
+    """
+    found = wire.unpacked(info.kind, message)
+    fx, _, cx, _, fy, cy, *_ = (float(each) for each in found.k)
+    if np.any(found.d) or not (fx > 0 and fy > 0 and np.isfinite([fx, fy, cx, cy]).all()):
+        raise wire.UnusableError(f"`{info.name}` has a distortion, or no focal length; rectified pictures are needed")
+    if not (found.width and found.height):
+        raise wire.UnusableError(f"`{info.name}` states no size of the pictures")
+    return Camera(width=int(found.width), height=int(found.height), fx=fx, fy=fy, cx=cx, cy=cy)
 
 
 def _stream(topic: Topic, kept_s: float = KEPT_S) -> Stream:

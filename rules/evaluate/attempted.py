@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 from dextera_build.artifacts.base import File, Folder
 from dextera_build.artifacts.tasks.task import TaskBundle
-from dextera_build.artifacts.tasks.trials import Attempt, Trials
+from dextera_build.artifacts.tasks.trials import Actor, Attempt, Trials
 from dextera_build.errors import listing
 from dextera_build.policy import robot_run
 from dextera_build.policy.robot_run import RobotRun
@@ -50,9 +50,8 @@ def attempted(
     """
     found = robot_run.every(runs, bundle)
     about = {fact: _one(ctx, fact, found) for fact in ("policy", "algorithm", "world", "origin")}
-    ctx.check(
-        about["origin"] == "policy", "the recordings are demonstrations", hint="`demonstrate.recorded` reads them"
-    )
+    actor: Actor = "replay" if about["origin"] == "replay" else "policy"
+    ctx.check(about["origin"] == actor, "the recordings are demonstrations", hint="`demonstrate.recorded` reads them")
     record = Record(bundle.model_copy(update={"kind": about["world"]}), "tracked")
     attempts: Iterator[tuple[str, Attempt]] = ctx.backend.judged(ctx, record.bundle, found, ctx.backend_options)
     overruled = 0
@@ -69,8 +68,8 @@ def attempted(
     if verdicts:
         same = sum(each.measured == each.operator for each in verdicts)
         ctx.metric("same verdict from measurements", same, f"of {len(verdicts)}")
-    label = options.label or about["algorithm"].upper()
-    made = record.trials("policy", label=label, source=about["policy"], algorithm=about["algorithm"])
+    label = options.label or about["algorithm"].upper() or actor
+    made = record.trials(actor, label=label, source=about["policy"], algorithm=about["algorithm"])
     # Forces on fingertips are not measured.
     return made.model_copy(update={"examples": made.examples.model_copy(update={"tip_names": ()})})
 

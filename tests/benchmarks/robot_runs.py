@@ -1,6 +1,8 @@
-"""Measures `dxb run` on a simulated robot over DDS, each in a process of its own.
+"""Measures `dxb run` on a simulated robot over DDS, each in a process of its own: policies, and replays of episodes.
 
-`python -m tests.benchmarks.robot_runs PROJECT TASK POLICY --trials 10`, in which the task and the policy are built.
+`python -m tests.benchmarks.robot_runs PROJECT OUT RECIPE... --policy NODE --trials 20`, all of which was built. A trial
+that OUT holds is kept, so that an interrupted table continues; the table has every trial of OUT. Trials of a policy
+begin where those of `evaluate.rollouts` begin, and replays where their episodes began.
 """
 
 from __future__ import annotations
@@ -10,69 +12,166 @@ import json
 import signal
 import subprocess
 import sys
-from collections.abc import Sequence
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.statistics import wilson
 
 DXB = (str(Path(sys.executable).parent / "dxb"),)
-KINDS = {"in every period": (), "asynchronous": ("--asynchronous",)}
+AS_REPLAYED = ("--speed", "1", "--ramp", "0")
+"""Options with which the targets of an episode are sent as they are, within the limits of the joints."""
+AFTER_S = 1.0
+"""Time from the end of a run to that of its robot [s], in which the true state may still succeed."""
 
 
-def run(project: Path, task: str, policy: str, seed: int, more: Sequence[str]) -> dict[str, Any]:
-    """What one run tells, at the start of a seed."""
-    command = [*DXB, "robot", "simulate", task, "--seed", str(seed)]
-    with subprocess.Popen(command, cwd=project, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as robot:
+@dataclass(frozen=True)
+class Way:
+    """What is run, how, and where."""
+
+    recipe: str
+    """Recipe of all nodes."""
+    nodes: dict[str, str]
+    """`task`, `world`, `cell`, and what acts, `policy` or `replay` -> node."""
+    names: str
+    """Node with the robot's names; empty: the defaults."""
+    domain: str
+    """Domain of DDS."""
+    options: tuple[str, ...]
+    """Further options of `dxb run`."""
+
+    @property
+    def name(self) -> str:
+        """Its name in the table."""
+        acts = self.nodes.get("policy") or f"replay of {self.nodes['replay']}"
+        return " ".join([acts, *(["tracked"] if "cell" in self.nodes else []), *self.options])
+
+    def address(self, node: str) -> str:
+        """A node as it is typed; one of another recipe is stated as such."""
+        found = self.nodes[node]
+        return found if ":" in found else f"{self.recipe}:{found}"
+
+    def shared(self) -> list[str]:
+        """Options of both programs."""
+        names = ["--names", self.names] if self.names else []
+        cell = ["--cell", self.address("cell")] if "cell" in self.nodes else []
+        return ["--domain", self.domain, "--json", *names, *cell]
+
+    def robot(self, number: int) -> list[str]:
+        """The robot of a trial."""
+        command = [*DXB, "robot", "simulate", self.address("world"), *self.shared()]
+        if "replay" in self.nodes:
+            return [*command, "--start", self.address("replay"), "--episode", str(number), "--seed", str(number)]
+        return [*command, "--seed", str(seed_of("trial", 0, number))]
+
+    def run(self, number: int, out: Path) -> list[str]:
+        """The run of a trial."""
+        command = [*DXB, "run", self.address("task"), *self.shared(), "--out", str(out), *self.options]
+        if "replay" in self.nodes:
+            return [*command, "--replay", self.address("replay"), "--episode", str(number), *AS_REPLAYED]
+        return [*command, "--policy", self.address("policy")]
+
+
+def trial(project: Path, way: Way, number: int, out: Path) -> dict[str, Any] | None:
+    """What a run and its robot tell; None if the run was refused, which is no trial."""
+    with subprocess.Popen(
+        way.robot(number), cwd=project, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as robot:
         assert robot.stderr is not None
+        said = list[str]()
         while "simulated robot" not in (line := robot.stderr.readline()):
-            assert line, "the robot ended"
+            assert line, "the robot ended: " + "".join(said)
+            said.append(line)
         try:
-            out = project / "runs" / f"{'-'.join(['run', *more])}-{seed}.mcap"
-            command = [*DXB, "run", task, "--policy", policy, "--json", "--out", str(out), *more]
-            done = subprocess.run(command, cwd=project, capture_output=True, text=True, check=False)
+            done = subprocess.run(way.run(number, out), cwd=project, capture_output=True, text=True, check=False)
+            time.sleep(AFTER_S)
         finally:
             robot.send_signal(signal.SIGINT)
-            robot.communicate()
-    assert done.stdout, done.stderr
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found
+            told, _ = robot.communicate()
+    if not done.stdout:
+        print(f"{way.recipe} {number} was refused: {done.stderr}", file=sys.stderr, flush=True)
+        return None
+    about = {"recipe": way.recipe, "way": way.name, "number": number, "code": done.returncode}
+    return about | {"run": json.loads(done.stdout), "robot": json.loads(told)}
 
 
-def row(name: str, ran: Sequence[dict[str, Any]]) -> str:
-    """A row of the table, from the runs of one kind."""
+def recorded(project: Path, way: Way, trials: int, out: Path) -> None:
+    """Make the trials of a way that a folder lacks."""
+    folder = out / f"{way.recipe} {way.name}".replace("/", "-").replace(" ", "_")
+    folder.mkdir(parents=True, exist_ok=True)
+    for number in range(trials):
+        kept, bag = folder / f"{number}.json", folder / f"{number}.mcap"
+        if kept.exists():
+            continue
+        bag.unlink(missing_ok=True)  # of a trial that was interrupted
+        if (found := trial(project, way, number, bag)) is not None:
+            fresh = kept.with_suffix(".part")
+            fresh.write_text(json.dumps(found))
+            fresh.rename(kept)
+            print(f"{way.recipe} {number}: {found['robot']['success']}, {found['run']['reason']}", file=sys.stderr)
+
+
+def rows(out: Path) -> Iterator[str]:
+    """The table of all trials in a folder."""
+    found = [json.loads(path.read_text()) for path in sorted(out.glob("*/*.json"))]
+    measured = "success | by measurements | stopped | late periods | delay p50, p99 [ms] | jitter p50, p99 [ms]"
+    yield f"| task | what acts | {measured} |"
+    yield "|---|---|---|---|---|---|---|---|"
+    for recipe, way in sorted({(each["recipe"], each["way"]) for each in found}):
+        yield row(recipe, way, [each for each in found if (each["recipe"], each["way"]) == (recipe, way)])
+
+
+def row(recipe: str, way: str, found: Sequence[dict[str, Any]]) -> str:
+    """A row of the table, from the trials of one way."""
+    ran = [each["run"] for each in found]
 
     def median(key: str) -> str:
-        return f"{np.median([each[key] for each in ran]):.1f}"
+        known = [each[key] for each in ran if each[key] is not None]
+        return f"{np.median(known):.1f}" if known else "-"
 
-    won, steps = sum(each["success"] for each in ran), sum(each["steps"] for each in ran)
-    low, high = wilson(won, len(ran))
-    late = sum(each["missed_periods"] for each in ran)
+    won = sum(each["robot"]["success"] for each in found)
+    low, high = wilson(won, len(found))
     cells = [
-        name,
-        f"{won} of {len(ran)} [{100 * low:.0f}, {100 * high:.0f}] %",
-        f"{late} of {steps}",
+        recipe,
+        way,
+        f"{won} of {len(found)} [{100 * low:.0f}, {100 * high:.0f}] %",
+        f"{sum(bool(each['success']) for each in ran)} of {len(found)}",
+        f"{sum(each['code'] != 0 for each in found)}",
+        f"{sum(each['missed_periods'] for each in ran)} of {sum(each['steps'] for each in ran)}",
         f"{median('delay_ms_p50')}, {median('delay_ms_p99')}",
         f"{median('jitter_ms_p50')}, {median('jitter_ms_p99')}",
     ]
     return "| " + " | ".join(cells) + " |"
 
 
-def main() -> None:
-    """Print the table."""
+def main(given: Sequence[str] | None = None) -> None:
+    """Make what lacks, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("project", type=Path)
-    parser.add_argument("task")
-    parser.add_argument("policy")
-    parser.add_argument("--trials", type=int, default=10)
-    args = parser.parse_args()
-    print("| policy is asked | success | late periods | delay p50, p99 [ms] | jitter p50, p99 [ms] |")
-    print("|---|---|---|---|---|")
-    for name, more in KINDS.items():
-        ran = [run(args.project, args.task, args.policy, seed, more) for seed in range(args.trials)]
-        print(row(name, ran), flush=True)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("recipes", nargs="*", metavar="RECIPE")
+    parser.add_argument("--policy", action="append", default=[], metavar="NODE")
+    parser.add_argument("--replay", action="append", default=[], metavar="NODE", help="episodes in the twin")
+    parser.add_argument("--task", default="set/pair/believed", metavar="NODE", help="the task in the twin")
+    parser.add_argument("--world", default="set/pair/reference", metavar="NODE", help="the task in the robot's world")
+    parser.add_argument("--cell", default="", metavar="NODE", help="find objects by the tracker, set/pair/cell")
+    parser.add_argument("--names", default="", metavar="RECIPE:NODE")
+    parser.add_argument("--option", action="append", default=[], help="of `dxb run`, `--option=--asynchronous`")
+    parser.add_argument("--domain", default="0")
+    parser.add_argument("--trials", type=int, default=20)
+    args = parser.parse_args(given)
+    acts = [("policy", node) for node in args.policy] + [("replay", node) for node in args.replay]
+    nodes = {"task": args.task, "world": args.world} | ({"cell": args.cell} if args.cell else {})
+    for recipe in args.recipes:
+        for what, node in acts:
+            way = Way(recipe, {**nodes, what: node}, args.names, args.domain, tuple(args.option))
+            recorded(args.project, way, args.trials, args.out.resolve())
+    print("\n".join(rows(args.out)))
 
 
 if __name__ == "__main__":

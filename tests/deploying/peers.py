@@ -42,15 +42,20 @@ class Node:
         return found
 
 
-@contextlib.contextmanager
-def robot(domain: int, seconds: float, out: Path, joints: Mapping[str, float]) -> Iterator[Node]:
-    """A robot by rclpy, without multicast; the test is skipped without its environment."""
+def python() -> str:
+    """A Python with rclpy; the test is skipped without its environment."""
     home = ENVIRONMENTS / "ros"
     if not (home / ".installed").exists():
         pytest.skip("needs .venv/readers/ros; `make readers` makes it")
+    return str(home / "bin" / "python")
+
+
+@contextlib.contextmanager
+def robot(domain: int, seconds: float, out: Path, joints: Mapping[str, float]) -> Iterator[Node]:
+    """A robot by rclpy, without multicast; the test is skipped without its environment."""
     kept = {key: value for key, value in os.environ.items() if not key.startswith(("PYTHON", "ROS_", "CYCLONEDDS"))}
     kept["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-    command = [str(home / "bin" / "python"), str(SCRIPT), str(domain), str(seconds), str(out)]
+    command = [python(), str(SCRIPT), str(domain), str(seconds), str(out)]
     command += [f"{name}={place}" for name, place in joints.items()]
     process = subprocess.Popen(command, env=kept, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:

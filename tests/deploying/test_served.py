@@ -61,9 +61,16 @@ def test_a_served_policy_drives_as_the_local_one() -> None:
 
 def test_a_server_that_does_not_state_its_policy_is_refused() -> None:
     with servers.scripted(servers.foreign(lambda data: None)) as address:
-        args = argparse.Namespace(policy=address, api_key=None)
+        args = argparse.Namespace(replay=None, policy=address, api_key=None, real_time_chunking=False)
         with pytest.raises(UsageError, match="does not state what its policy takes"):
-            acting.policy(args, Connected(None, None, None, {}, {}))  # type: ignore[arg-type]
+            acting.found(args, Connected(None, None, None, {}, {}))  # type: ignore[arg-type]
+
+
+def test_a_server_is_not_asked_for_an_answer_that_continues_another() -> None:
+    args = argparse.Namespace(replay=None, policy="ws://127.0.0.1:1", api_key=None, real_time_chunking=True)
+    with pytest.raises(UsageError, match="not told what its answer has to continue") as raised:
+        acting.found(args, Connected(None, None, None, {}, {}))  # type: ignore[arg-type]
+    assert "--asynchronous" in str(raised.value.hint)
 
 
 def test_a_server_that_ends_holds_the_robot() -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from dextera_build.building.build import Order
 from dextera_build.building.lock import Locking
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 RULE = "align.camera_motion"
 CODES = (0, 1, 3)
 """Exit codes of unmoved, moved and unsure: the metric `verdict` of the rule."""
+MOVED = {0: False, 1: True, 3: None}
+"""Exit code -> whether the camera moved; None: unsure."""
 
 
 def run(args: argparse.Namespace, targets: list[str], project: Project) -> int:
@@ -33,14 +36,41 @@ def run(args: argparse.Namespace, targets: list[str], project: Project) -> int:
             code="DXB-U151",
             hint=f"`dxb check calibration RECIPE:NODE`, where the node is of rule `{RULE}`",
         )
-    code, rows = 0, list[dict[str, Any]]()
+    rows = found(args, targets, project)
+    if rows is None:
+        return 4  # as a requirement that is missing: nothing is known of the camera
+    told = [{"target": row.target, "moved": MOVED[row.code], "found": row.line} for row in rows]
+    cells = [{"target": row.target, "found": row.line} for row in rows]
+    table.give("check.calibration", told, as_json=args.json, cells=cells)
+    return max(row.code for row in rows)
+
+
+@dataclass(frozen=True)
+class Row:
+    """What is known of one camera."""
+
+    target: str
+    """The node that was built."""
+    code: int
+    """One of `CODES`."""
+    line: str
+    """What the rule says."""
+
+
+def found(args: argparse.Namespace, targets: list[str], project: Project) -> list[Row] | None:
+    """Build nodes of align.camera_motion, and tell what they found; None if one failed, which was said.
+
+    Raises:
+        UsageError: A node is of another rule.
+    """
+    rows = list[Row]()
     for recipe, nodes in options.by_recipe(targets).items():
         session = Session(project, recipe, options.added(args), makes=True)
         order = Order(nodes, False, [], False, tuple(sys.argv[1:]))
         locking = Locking(project, lock=False, locked=False, added=options.added(args))
         done = built(session, order, locking, None, verbose=False)
         if not done.ok:
-            return 4  # as a requirement that is missing: nothing is known of the camera
+            return None
         for node in nodes:
             finished = done.result.nodes[node]
             if finished.rule != RULE:
@@ -51,9 +81,5 @@ def run(args: argparse.Namespace, targets: list[str], project: Project) -> int:
                 )
             known = session.store.actions.known(finished.key or "")
             verdict = int(known.metrics["verdict"][0]) if known is not None else 2
-            moved = (False, True, None)[verdict]
-            rows.append({"target": f"{recipe}:{node}", "moved": moved, "found": finished.line})
-            code = max(code, CODES[verdict])
-    cells = [{"target": row["target"], "found": row["found"]} for row in rows]
-    table.give("check.calibration", rows, as_json=args.json, cells=cells)
-    return code
+            rows.append(Row(f"{recipe}:{node}", CODES[verdict], finished.line))
+    return rows

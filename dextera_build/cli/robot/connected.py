@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dextera_build.session import Session
 
 CAMERA = "workspace"
-TRANSPORTS = ("dds", "zenoh", "rosbridge")
+TRANSPORTS = ("dds", "zenoh", "rosbridge", "rclpy")
 ANYWHERE = "0.0.0.0"
 """Where a simulated robot that others read listens as a router."""
 
@@ -49,7 +49,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--transport",
         choices=TRANSPORTS,
         default="dds",
-        help="zenoh: the robot uses rmw_zenoh_cpp; rosbridge: a server of rosbridge runs on it (dds)",
+        help="zenoh: the robot uses rmw_zenoh_cpp; rosbridge: a server of rosbridge runs on it; rclpy: a node of the "
+        "ROS 2 that is installed here (dds)",
     )
     options.project_arguments(parser)
     options.json_argument(parser)
@@ -139,7 +140,7 @@ def transport(args: argparse.Namespace, peers: tuple[str, ...], *, simulates: bo
         UsageError: There is no such domain, or a simulated robot is no server of rosbridge.
         MachineError: The package of the transport is missing, or the network cannot be used.
     """
-    from dextera_build.deploying import dds, rosbridge, zenoh_wire
+    from dextera_build.deploying import dds, rclpy_wire, rosbridge, zenoh_wire
     from dextera_build.errors import UsageError
 
     if not 0 <= args.domain <= dds.MOST_DOMAIN:
@@ -149,6 +150,8 @@ def transport(args: argparse.Namespace, peers: tuple[str, ...], *, simulates: bo
     if args.transport == "zenoh":
         address = (ANYWHERE if peers else dds.LOCAL) if simulates else peers[0]
         return zenoh_wire.Zenoh(address, args.domain, routes=simulates)
+    if args.transport == "rclpy":
+        return rclpy_wire.Rclpy(peers, args.domain)
     if args.transport == "rosbridge" and simulates:
         raise UsageError(
             "a simulated robot is no server of rosbridge",

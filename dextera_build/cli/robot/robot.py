@@ -6,7 +6,7 @@ import argparse
 import time
 
 from dextera_build.cli import options, table
-from dextera_build.cli.robot import beside, connected, record, simulate, track
+from dextera_build.cli.robot import beside, connected, drift, record, simulate, track
 
 _ACTIONS = {
     "doctor": "check topics, types, clock and joints of a robot against the model; nothing moves",
@@ -31,6 +31,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         if name != "simulate":
             track.cell_arguments(sub)
         if name == "doctor":
+            drift.arguments(sub)
             sub.add_argument("--robot", metavar="HOST", default="127.0.0.1", help="address of the robot (127.0.0.1)")
             read = options.number("--listen", 0.0, MOST_LISTEN_S, above=True)
             sub.add_argument("--listen", type=read, default=3.0, metavar="S", help="time to listen in seconds (3)")
@@ -52,13 +53,16 @@ def _doctor(args: argparse.Namespace) -> int:
     from dextera_build.deploying.checkup import checkup
 
     here = connected.opened(args)
-    needed = [*(("rgb",) if here.views else ()), *(record.NEEDED if args.cell else ())]
+    shows = here.views or args.calibration
+    topics = here.topics if here.views or not shows else connected.watched(args, here)
+    needed = [*(("rgb",) if shows else ()), *(record.NEEDED if args.cell else ())]
     safety = Safety(limits=connected.kept(args, GUARDED))
     with beside.tracker(args):
         transport = connected.transport(args, (args.robot,))
         try:
-            cell = RosCell(transport, here.topics, here.bundle, needed, safety)
-            checks = checkup(transport, here.topics, cell, here.bundle.robot, time.sleep, args.listen)
+            cell = RosCell(transport, topics, here.bundle, needed, safety)
+            checks = checkup(transport, topics, cell, here.bundle.robot, time.sleep, args.listen)
+            checks += drift.checks(args, transport, topics, cell, here.bundle.robot)
         finally:
             transport.close()
     rows = connected.shown(checks)

@@ -1,11 +1,10 @@
-"""`dxb run`: run a policy that was built on a robot."""
+"""`dxb run`: run a policy that was built on a robot, or replay an episode on it."""
 
 from __future__ import annotations
 
 import argparse
 import sys
 import time
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.cli import options
@@ -16,8 +15,6 @@ if TYPE_CHECKING:
     from dextera_build.deploying.bag import Bag
     from dextera_build.deploying.cell import RosCell, Safety
     from dextera_build.deploying.driving import Drive
-    from dextera_build.policy.added import AddedTerm
-    from dextera_build.policy.running import Policy
 
 MOST_RAMP_S = 60.0
 """Longest ramp [s]."""
@@ -53,6 +50,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="ask the policy in a thread of its own while the robot carries out the steps of its last answer",
     )
+    parser.add_argument(
+        "--real-time-chunking",
+        action="store_true",
+        help="the same, and its next answer continues these steps; for policies of learn.diffusion",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -65,18 +67,15 @@ def run(args: argparse.Namespace) -> int:
     safety = _safety(args)
     here = connected.opened(args)
     with called.shown(here.session.project.library):
-        policy, digest, terms = acting.policy(args, here)
+        found = acting.found(args, here)
         out = connected.recording(args, here, "runs")
-        needed = [channel.name for channel in policy.contract.inputs]
-        needed += ["objects", "displacement"] if terms else []  # a term may be computed from each
         with beside.tracker(args), connected.recorded(args, out) as (transport, bag):
             lenses = {name: view.camera for name, view in here.views.items()}
-            cell = RosCell(transport, here.topics, here.bundle, needed, safety, bag, lenses=lenses)
+            cell = RosCell(transport, here.topics, here.bundle, found.needed, safety, bag, lenses=lenses)
             connected.refuse(args, here, transport, cell)
-            about = {"policy": digest, "algorithm": policy.contract.algorithm, "origin": "policy"}
             bag.describe(here.bundle, time.time_ns())
-            bag.state(ABOUT, time.time_ns(), facts(cell, here.bundle) | about)
-            ran, told = _driven(args, here, cell, policy, terms, bag)
+            bag.state(ABOUT, time.time_ns(), facts(cell, here.bundle) | found.about)
+            ran, told = _driven(args, here, cell, found, bag)
     connected.tell(args, told, out)
     return 1 if ran.faulty else 0
 
@@ -90,7 +89,7 @@ def _safety(args: argparse.Namespace) -> Safety:
 
 
 def _driven(
-    args: argparse.Namespace, here: Connected, cell: RosCell, policy: Policy, terms: Sequence[AddedTerm], bag: Bag
+    args: argparse.Namespace, here: Connected, cell: RosCell, found: acting.Found, bag: Bag
 ) -> tuple[Drive, dict[str, Any]]:
     """What happened, and as plain data with what the policy's thread did."""
     import numpy as np
@@ -101,7 +100,7 @@ def _driven(
 
     task = here.bundle.task
     goal = catalogue.of(task, here.bundle.objects).goal.numbers(here.bundle.base_pose.inverse().matrix)
-    ahead = Ahead.of(policy, cell) if args.asynchronous else None
+    asked = found.asked_by(cell, args.asynchronous)
     with stopping.stops(args.pedal) as halt:
         keys = "any key" if sys.stdin.isatty() else "Ctrl-C"
         print(
@@ -109,13 +108,13 @@ def _driven(
         )
         ran = drive(
             cell,
-            ahead or policy,
+            asked,
             np.array(goal, np.float32),
             rate_hz=task.control_hz,
-            limit_s=args.limit or task.timeout_s,
-            added=cell.mirror.added(terms),
+            limit_s=args.limit or found.limit_s or task.timeout_s,
+            added=cell.mirror.added(found.terms),
             halt=halt,
         )
-    told = ran.facts() | (ahead.facts() if ahead else {})
+    told = ran.facts() | (asked.facts() if isinstance(asked, Ahead) else {})
     connected.judged(args, bag, told, ran.success)
     return ran, told

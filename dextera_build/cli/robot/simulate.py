@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from dextera_build.cli import built, options, table
-from dextera_build.cli.robot import connected
+from dextera_build.cli.robot import connected, episodes
 
 if TYPE_CHECKING:
     from dextera_build.artifacts.robots.cell import Cell
@@ -45,6 +45,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seed", type=int, default=0, help="seed of the start and of losses (0)")
     parser.add_argument(
+        "--start", metavar="RECIPE:NODE", help="begin as an episode of this set began, for `dxb run --replay`"
+    )
+    episodes.number_argument(parser)
+    parser.add_argument(
         "--delay", type=number("--delay", 0.0, 60.0), default=0.0, metavar="S", help="delay of commands in seconds (0)"
     )
     parser.add_argument(
@@ -68,15 +72,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Simulate until interrupted; what happened goes to stdout."""
-    from dextera_build.artifacts.tasks.variation import EXACT
     from dextera_build.deploying.simulated import SimulatedRobot, Simulation, facts
     from dextera_build.sim.runtime.environment import Environment
 
     here, cell = connected.opened(args), _cell(args)
     environment = Environment(here.bundle)
-    start = environment.draw(args.seed)
-    # The cell's camera has the error of its calibration already; an error of the base would be a second one.
-    environment.begin(start if cell is None else start.model_copy(update={"base_error": EXACT}))
+    _begin(args, here, environment, seen=cell is not None)
     transport = connected.transport(args, tuple(args.peer), simulates=True)
     simulation = Simulation(
         picture_hz=Simulation.picture_hz if cell is None else cell.rate_hz,
@@ -103,6 +104,19 @@ def run(args: argparse.Namespace) -> int:
     text = "\n".join(f"{name}\t{value}" for name, value in told.items())
     table.say("robot.simulate", told, text, as_json=args.json)
     return 0
+
+
+def _begin(args: argparse.Namespace, here: Connected, environment: Environment, *, seen: bool) -> None:
+    """Begin at a drawn start, or as an episode did; `seen`: whether the robot has the camera of a cell."""
+    from dextera_build.artifacts.tasks.variation import EXACT
+    from dextera_build.deploying import replaying
+
+    if args.start:
+        replaying.begin(environment, episodes.chosen(args, args.start, here.bundle), args.seed)
+        return
+    start = environment.draw(args.seed)
+    # The cell's camera has the error of its calibration already; an error of the base would be a second one.
+    environment.begin(start.model_copy(update={"base_error": EXACT}) if seen else start)
 
 
 def _cell(args: argparse.Namespace) -> Cell | None:
