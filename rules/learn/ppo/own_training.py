@@ -69,7 +69,7 @@ class Training:
         """Practise and learn until the decisions of the options are made."""
         options, learner = self._options, self._learner
         if not self._restore():
-            self._worlds.widen(self._share)
+            self._from_share()
             learner.seen = self._worlds.reset()
         random = torch.Generator(self._worlds.device)
         while self._made < options.steps:
@@ -91,6 +91,11 @@ class Training:
     @property
     def _share(self) -> float:
         return self._level / self._options.curriculum
+
+    def _from_share(self) -> None:
+        """Draw the starts from a part of the ranges; worlds are made with those of the whole."""
+        if self._share != 1.0:
+            self._worlds.widen(self._share)
 
     def _check(self, loss: float) -> None:
         self._worlds.check()
@@ -188,7 +193,7 @@ class Training:
         learner.optimiser.load_state_dict(learner.optimiser.state_dict() | {"state": moments})
         learner.rate = notes["rate"]
         self._level, self._made, self._episodes = notes["level"], notes["made"], notes["episodes"]
-        self._worlds.widen(self._share)
+        self._from_share()
         self._worlds.restore(_with("world.", tensors))
         device = self._worlds.device
         learner.seen, learner.earned = (tensors[name].to(device) for name in ("seen", "earned"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 import torch
@@ -65,7 +66,6 @@ def practise(
     options: WarpOptions,
 ) -> Practised:
     """Train, or resume an interrupted training."""
-    worlds = TensorWorlds(bundle, contract, common.worlds, common.seed, pool=options.pool, device=ctx.device)
     settings = Settings(
         rollout=common.rollout,
         batch=common.batch,
@@ -76,7 +76,10 @@ def practise(
         value_clip=options.value_clip,
         kl=options.kl,
     )
-    with reproducible.one_thread(), worlds.here():
+    with ExitStack() as stack:
+        stack.enter_context(reproducible.one_thread())
+        worlds = TensorWorlds(bundle, contract, common.worlds, common.seed, pool=options.pool, device=ctx.device)
+        stack.enter_context(worlds.here())
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(common.seed)
             policy = TwoSighted(worlds, common.width, common.layers, common.spread).to(worlds.device)

@@ -31,8 +31,8 @@ DEVICE: Device = "cpu"
 
 
 def coarse(bundle: TaskBundle) -> TaskBundle:
-    """The same in steps of 5 ms, so that the kernels of a control period are launched less often."""
-    files = {name: each.replace(b"<option ", b'<option timestep="0.005" ') for name, each in bundle.model.files.items()}
+    """The same in steps of 10 ms, so that the kernels of a control period are launched less often."""
+    files = {name: each.replace(b"<option ", b'<option timestep="0.01" ') for name, each in bundle.model.files.items()}
     return bundle.model_copy(update={"model": Folder(files=files)})
 
 

@@ -59,19 +59,23 @@ class Physics:
         self._actuators = torch.tensor(joints, device=self.device)
         # As many pieces of a period as `Environment.commands` has.
         self._ramp = list(environment.commands(environment.previous_action))
-        self._sent = torch.zeros(len(self._ramp), count, environment.model.nu, device=self.device)
         with self.here():
+            self._sent = torch.zeros(len(self._ramp), count, environment.model.nu, device=self.device)
             self._commands = [self._warp.from_torch(each) for each in self._sent]
 
     @contextmanager
     def here(self) -> Iterator[None]:
-        """In the block, Warp and torch work on this device and, on a GPU, in one stream."""
+        """In the block, Warp and torch work on this device and, on a GPU, in one stream that waits for that outside."""
         with ExitStack() as stack:
             stack.enter_context(self._warp.ScopedDevice(str(self.device)))
-            if self._stream is not None:
+            outside = torch.cuda.current_stream() if self._stream is not None else None
+            if outside is not None and outside != self._stream:
+                self._stream.wait_stream(outside)
                 stack.enter_context(torch.cuda.stream(self._stream))
                 stack.enter_context(self._warp.ScopedStream(self._warp.stream_from_torch(self._stream)))
             yield
+        if outside is not None and outside != self._stream:
+            outside.wait_stream(self._stream)
 
     def draw(self, starts: Sequence[Start]) -> None:
         """Replace the starts that worlds begin from."""

@@ -78,24 +78,25 @@ class TensorWorlds:
         self._physics = Physics(environment, count, device)
         self.device, self.count = self._physics.device, count
         """Where the tensors are, and N."""
-        self._steering = TensorSteering(bundle.robot, contract, self.device)
-        self._reading = Reading(environment, self._physics, contract, self._steering.limbs)
-        self._reach = Reach(environment, self._physics)
-        self._seed, self._pool, self._random = seed, pool, torch.Generator(self.device)
-        self.decisions, self.every = self._steering.size, self._steering.every
-        """Size of a decision, and the control periods that it lasts."""
-        self._limits = self._on([(joint.lower, joint.upper) for joint in bundle.robot.joints]).T
-        self._fastest = self._on([joint.velocity for joint in bundle.robot.joints]) * environment.period_s
-        pieces, late = self._physics.pieces, bundle.latency_s / environment.period_s
-        self._parts = self._on([[[piece / pieces - late]] for piece in range(1, pieces + 1)])
-        """Share of the way of each command; below 0 the previous target is still active, see `Environment.commands`."""
-        self._done = 0
-        self.widen(1.0)
-        self.reset()
-        seen = self.seen()
-        teaches = int(contract.settings.get(contracts.PRIVILEGED, 0))
-        self.size, self.public = seen.shape[1], self._plain + teaches
-        """K + P, and the number of the first numbers that the policy sees."""
+        with self.here():
+            self._steering = TensorSteering(bundle.robot, contract, self.device)
+            self._reading = Reading(environment, self._physics, contract, self._steering.limbs)
+            self._reach = Reach(environment, self._physics)
+            self._seed, self._pool, self._random = seed, pool, torch.Generator(self.device)
+            self.decisions, self.every = self._steering.size, self._steering.every
+            """Size of a decision, and the control periods that it lasts."""
+            self._limits = self._on([(joint.lower, joint.upper) for joint in bundle.robot.joints]).T
+            self._fastest = self._on([joint.velocity for joint in bundle.robot.joints]) * environment.period_s
+            pieces, late = self._physics.pieces, bundle.latency_s / environment.period_s
+            self._parts = self._on([[[piece / pieces - late]] for piece in range(1, pieces + 1)])
+            """Share of the way of each command; below 0 the target before is active, see `Environment.commands`."""
+            self._done = 0
+            self.widen(1.0)
+            self.reset()
+            seen = self.seen()
+            teaches = int(contract.settings.get(contracts.PRIVILEGED, 0))
+            self.size, self.public = seen.shape[1], self._plain + teaches
+            """K + P, and the number of the first numbers that the policy sees."""
 
     def here(self) -> AbstractContextManager[None]:
         """A context in which torch works in the stream of the simulator."""
@@ -112,13 +113,18 @@ class TensorWorlds:
 
     def reset(self) -> Tensor:
         """Begin an episode in every world; the observations (N, K + P)."""
-        every = torch.ones(self.count, dtype=torch.bool, device=self.device)
-        self._rows = torch.zeros(self.count, dtype=torch.int64, device=self.device)
-        self._begin(every, first=True)
-        return self.seen()
+        with self.here():
+            every = torch.ones(self.count, dtype=torch.bool, device=self.device)
+            self._rows = torch.zeros(self.count, dtype=torch.int64, device=self.device)
+            self._begin(every, first=True)
+            return self.seen()
 
     def step(self, decisions: Tensor) -> Step:
         """Execute one decision (N, M) in every world, and begin the next episode where one is over."""
+        with self.here():
+            return self._step(decisions)
+
+    def _step(self, decisions: Tensor) -> Step:
         joints = self._physics["qpos"][:, self._reading.joints]
         goals = self._steering.targets(decisions, self._episodes.sent, joints)
         before = value = self._episodes.value
