@@ -82,7 +82,7 @@ class Physics:
         worlds, rows = self._environment, list[dict[str, np.ndarray]]()
         for start in starts:
             worlds.begin(start)
-            rows.append({name: np.array(getattr(worlds.model, name)) for name in self._fields})
+            rows.append({name: _kept(getattr(worlds.model, name), rows, name) for name in self._fields})
             rows[-1] |= {"": start.qpos, "ctrl": start.ctrl, "base": np.linalg.inv(worlds.base_from_world)}
         self._pool = {}
         for name, first in rows[0].items():
@@ -200,6 +200,11 @@ class Physics:
     def refresh(self) -> None:
         """Compute what depends on a state that was `put`."""
         self._do("forward", lambda: self._mjw.forward(self._model, self._data))
+
+
+def _kept(value: np.ndarray, rows: Sequence[Mapping[str, np.ndarray]], name: str) -> np.ndarray:
+    """A copy of a field of a model, or that of the first row, because most fields are the same in all."""
+    return rows[0][name] if rows and np.array_equal(value, rows[0][name]) else np.array(value)
 
 
 def _put(field: Tensor, worlds: Tensor, value: Tensor) -> None:
