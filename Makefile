@@ -42,12 +42,12 @@ test: setup ## Run the quick tests, those of at most a second or so
 test-medium: setup ## Run the tests of half a second to four, as CI does with the quick ones
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'medium and not slow' $(ARGS)
 
-test-gpu: setup ## Run the tests of training on a GPU, which are skipped without one
-	$(BIN)/python -m pytest tests/rules/learn/test_gpu.py $(ARGS)
+test-gpu: setup $(VENV)/batch/.installed ## Run the tests of training on a GPU, which are skipped without one
+	PYTHONPATH=$(VENV)/batch $(BIN)/python -m pytest tests/rules/learn/test_gpu.py $(ARGS)
 
-test-all: setup servers readers meshes $(VENV)/.robots $(VENV)/.repair $(VENV)/dexret/.installed ## Run every test, also the slow ones, in a browser and on published meshes
+test-all: setup servers readers meshes $(VENV)/batch/.installed $(VENV)/.robots $(VENV)/.repair $(VENV)/dexret/.installed ## Run every test, also the slow ones, in a browser and on published meshes
 	@.ci/system browser
-	PYTHONPATH=$(VENV)/robots:$(CURDIR)/$(VENV)/repair:$(CURDIR)/$(VENV)/ray $(BIN)/python -m pytest -n 2 --dist worksteal $(ARGS)
+	PYTHONPATH=$(VENV)/robots:$(CURDIR)/$(VENV)/repair:$(CURDIR)/$(VENV)/ray:$(CURDIR)/$(VENV)/batch $(BIN)/python -m pytest -n 2 --dist worksteal $(ARGS)
 
 servers: setup $(VENV)/servers/.installed $(VENV)/ray/.installed ## Install the servers and the Ray that slow tests start
 	@.ci/system servers
@@ -174,6 +174,11 @@ $(VENV)/readers/%/.installed: .ci/readers/%.txt $(VENV)/.created
 # Beside the environment, so that `make setup` need not fetch its 245 MB; what it asks for else is locked.
 $(VENV)/ray/.installed: Makefile $(VENV)/.created
 	$(BIN)/python -m pip install --quiet --no-deps --upgrade --target $(VENV)/ray ray==2.60.0 msgpack==1.2.4
+	@touch $@
+
+# What MuJoCo Warp asks for is locked; beside the environment, because only worlds in a batch need it.
+$(VENV)/batch/.installed: Makefile $(VENV)/.created
+	$(BIN)/python -m pip install --quiet --no-deps --upgrade --target $(VENV)/batch mujoco-warp==4.0.0
 	@touch $@
 
 # A peer of retargeting in an environment of its own, with torch for processors: 1.6 GB. It imports six without asking for it.

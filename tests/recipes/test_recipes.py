@@ -36,6 +36,12 @@ INPUTS = {
         "episodes": "task/kl/lift_mustard_bottle:episodes",
     },
     "task/taught": {"task": "task/lift_blue_mug:task"},
+    "task/taught_seeing": {
+        "task": "task/close_laptop:task",
+        "teacher": "task/close_laptop:act",
+        "view": "task/close_laptop:view",
+        "reference": "task/close_laptop:reference",
+    },
     "task/on_laptop_scene": {"task": "task/close_laptop:task"},
     "task/shown": {
         "scene": "twin/bus_table:scene",
@@ -117,10 +123,11 @@ def test_it_resolves(address, profile, tmp_path):
 
 
 @pytest.mark.medium
-def test_students_see_from_where_their_teacher_steps(tmp_path):
+@pytest.mark.parametrize("address", ["task/taught", "task/taught_seeing"])
+def test_students_see_from_where_their_teacher_steps(address, tmp_path):
     """Targets of learn.ppo are steps from the last ones, `previous_action`."""
-    request = Request(profiles.read("cpu", None), inputs=inputs_of("task/taught", tmp_path))
-    graph = plan("task/taught", PROJECT.recipe, PROJECT.library, ROOT, request).graph
+    request = Request(profiles.read("cpu", None), inputs=inputs_of(address, tmp_path))
+    graph = plan(address, PROJECT.recipe, PROJECT.library, ROOT, request).graph
     students = [call for _, call in graph.calls() if call.rule.path == "learn.bc_rnn" and ":" not in call.name]
     assert [call.name for call in students] == ["first", "second", "student"]
     assert all("previous_action" in call.options["inputs"] for call in students)

@@ -47,7 +47,7 @@ class Batch:
         device: str | None = None,
         terms: Sequence[AddedTerm] = (),
     ) -> None:
-        warp, self._mjw = _installed()
+        warp, self._mjw = installed()
         if any(start.size_scale != starts[0].size_scale for start in starts):
             raise RuleError(
                 "worlds of a batch have objects of the same sizes",
@@ -60,10 +60,7 @@ class Batch:
             world.begin(start)
         self._verdicts = Verdicts(self.worlds)
         self._device = warp.ScopedDevice(device)
-        known = copy.copy(self.worlds[0].model)
-        # MuJoCo Warp never resets automatically; sleeping takes it longer than resting.
-        known.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-        known.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+        known = awake(self.worlds[0].model)
         with self._device:
             self._model = self._shared(warp, known)
             self._data = self._mjw.make_data(known, nworld=len(starts), nconmax=CONTACTS, njmax=CONSTRAINTS)
@@ -101,20 +98,11 @@ class Batch:
 
     def _shared(self, warp: Any, known: mujoco.MjModel) -> Any:
         """The model on the device, with one copy per world of the fields that differ."""
-        models = [world.model for world in self.worlds]
-        try:
-            shared = self._mjw.put_model(known)
-        except NotImplementedError as error:
-            raise RuleError(
-                "MuJoCo Warp does not know something in the model", code="DXB-B222", facts={"MuJoCo Warp": error}
-            ) from None
-        for field in fields(shared):
-            # Fields whose first axis is the world; one row is shared by all worlds.
-            if getattr(field.type, "shape", ("",))[0] != "*" or not hasattr(models[0], field.name):
-                continue
-            values = [getattr(model, field.name) for model in models]
+        shared = put_model(self._mjw, known)
+        for name in of_worlds(shared, known):
+            values = [getattr(world.model, name) for world in self.worlds]
             if any(not np.array_equal(value, values[0]) for value in values):
-                setattr(shared, field.name, warp.array(np.stack(values), dtype=getattr(shared, field.name).dtype))
+                setattr(shared, name, warp.array(np.stack(values), dtype=getattr(shared, name).dtype))
         return shared
 
     def _put(self, *names: str) -> None:
@@ -136,7 +124,35 @@ class Batch:
             )
 
 
-def _installed() -> tuple[Any, Any]:
+def awake(model: mujoco.MjModel) -> mujoco.MjModel:
+    """A copy of a model for MuJoCo Warp, which never resets by itself, and takes longer for sleep than for rest."""
+    known = copy.copy(model)
+    known.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    known.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+    return known
+
+
+def put_model(mujoco_warp: Any, known: mujoco.MjModel) -> Any:
+    """A model on the current device of Warp.
+
+    Raises:
+        RuleError: MuJoCo Warp does not support something in it.
+    """
+    try:
+        return mujoco_warp.put_model(known)
+    except NotImplementedError as error:
+        raise RuleError(
+            "MuJoCo Warp does not know something in the model", code="DXB-B222", facts={"MuJoCo Warp": error}
+        ) from None
+
+
+def of_worlds(shared: Any, known: mujoco.MjModel) -> list[str]:
+    """Fields of a model on a device whose first axis is the world; all worlds share one row until they are set."""
+    names = [field.name for field in fields(shared) if getattr(field.type, "shape", ("",))[0] == "*"]
+    return [name for name in names if hasattr(known, name)]
+
+
+def installed() -> tuple[Any, Any]:
     """The modules `warp` and `mujoco_warp`."""
     try:
         import warp
