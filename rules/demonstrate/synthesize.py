@@ -41,6 +41,9 @@ class SynthesizeOptions(Options):
     """Standard deviation of the palm's displacement from its path, per axis [m]."""
     recover_rotation_deg: NonNegativeFloat = 5.0
     """Standard deviation of the palm's rotation vector from its path, per axis [deg]."""
+    soften: bool = False
+    """Whether fingers that press with their whole effort press less in any case, so that together they cannot push
+    into the thumb; otherwise only if a joint was faster than its limit in a demonstration."""
     lag_m: PositiveFloat = 0.02
     """Episodes in which joint limits keep the palm farther than this from its command are discarded [m]."""
     press_n: NonNegativeFloat = 2.0

@@ -88,5 +88,6 @@ def _manner(options: SynthesizeOptions) -> synthesis.Manner:
         ),
         timing=Timing(options.speed_m_s, float(np.radians(options.turn_deg_s))),
         nearest=options.nearest,
+        soften=options.soften,
         recovery=Recovery(options.recover, options.recover_position_m, float(np.radians(options.recover_rotation_deg))),
     )

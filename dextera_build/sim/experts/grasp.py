@@ -25,6 +25,8 @@ class Grasp:
     """Human-readable description."""
     way: str = ""
     """Kind of grasp; grasps of one kind differ in details."""
+    wall: np.ndarray | None = None
+    """(3,) middle of the wall that is pinched, in the object's frame [m]; None: the whole object is held."""
     above_m: float = 0.08
     """Height of the approach above the waiting position [m]."""
     aside: float = 1.0

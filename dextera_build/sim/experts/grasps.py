@@ -81,6 +81,7 @@ def pinches(points: np.ndarray, name: str, grip: Grip, hand: HandKinematics) -> 
                     closed=closed,
                     name=_label(name + kind, height, turn=turn, tilt=tilt) + f", {1000 * spare:.0f} mm wider",
                     way=f"{name}{kind} {np.degrees(turn) // 45:.0f}",
+                    wall=held[0] if kind else None,
                     above_m=0.03,
                     aside=0.0,
                 )

@@ -1,7 +1,8 @@
 """Fingers that overpower the thumb press less: together no more than it can hold.
 
 A demonstration closes all fingers as far as they go, so that each motor presses with its whole torque. Two fingers then
-push the thumb back, faster than its own motor turns, until it is at its stop.
+push the thumb back, faster than its own motor turns, until it is at its stop; or a finger that the object does not stop
+pushes into the thumb.
 """
 
 from __future__ import annotations
@@ -14,6 +15,12 @@ import numpy as np
 from dextera_build.sim.experts.sources import Source
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.runtime.environment import Environment
+
+
+def overpowered(sources: Sequence[Source], environment: Environment, most: float) -> bool:
+    """Whether a joint was faster than `most` times its limit in a demonstration: something stronger pushed it."""
+    speeds = np.array([joint.velocity for joint in environment.bundle.robot.joints])
+    return any(each.fastest(speeds, environment.task.control_hz) > most for each in sources)
 
 
 def softened(source: Source, environment: Environment, gain_scale: float) -> Source:

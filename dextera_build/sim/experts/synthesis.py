@@ -26,7 +26,7 @@ from dextera_build.sim.experts.paths import Path
 from dextera_build.sim.experts.recovery import Recovery, recovering
 from dextera_build.sim.experts.retime import Limits, accelerations, durations, moments, slower
 from dextera_build.sim.experts.runs import Run
-from dextera_build.sim.experts.soft import softened
+from dextera_build.sim.experts.soft import overpowered, softened
 from dextera_build.sim.experts.sources import Source, nearest, sources_of
 from dextera_build.sim.runtime.environment import Environment
 
@@ -62,6 +62,8 @@ class Manner:
     """Number of demonstrations with the most similar object pose from which the source is drawn."""
     recovery: Recovery = field(default_factory=Recovery)
     """Perturbations with a corrective label."""
+    soften: bool = False
+    """Whether fingers press less in any case, see `soft`."""
 
 
 @dataclass
@@ -361,8 +363,7 @@ class Synthesis:
 
     def _limits(self, places: Sequence[int]) -> Limits:
         """Limits of some joints, beyond which an episode is discarded."""
-        most = self._manner.filters.acceleration
-        return Limits(self._speeds[places], most * self._accelerations[places])
+        return Limits(self._speeds[places], self._manner.filters.acceleration * self._accelerations[places])
 
     def _spared(self, places: Sequence[int]) -> Limits:
         """Limits of some joints, to which motions are slowed."""
@@ -392,8 +393,7 @@ def synthesise(driver: Driver, sources: Episodes, start: Start, seed: int, manne
     environment = driver.environment
     environment.begin(start)
     shown = sources_of(sources)
-    speeds = np.array([joint.velocity for joint in environment.bundle.robot.joints])
-    if any(each.fastest(speeds, environment.task.control_hz) > manner.filters.speed for each in shown):
+    if manner.soften or overpowered(shown, environment, manner.filters.speed):
         shown = [softened(each, environment, start.gain_scale) for each in shown]
     operator = Synthesis(shown, driver.environment, driver.control, manner, seed)
     made = driver.run(operator, start, origin="synthesis", noise=manner.noise, filters=manner.filters, seed=seed)

@@ -20,7 +20,7 @@ from dextera_build.sim.experts.filters import SETTLE_RAD_S, SYNTHESIS
 from dextera_build.sim.experts.noise import Noise
 from dextera_build.sim.experts.paths import Path
 from dextera_build.sim.experts.retime import Limits, accelerations, durations, moments, pose_at, slower
-from dextera_build.sim.experts.sources import sources_of
+from dextera_build.sim.experts.sources import Source, sources_of
 from dextera_build.sim.experts.synthesis import Manner, Synthesis
 from dextera_build.sim.runtime.environment import Environment
 from tests import factories, gantry, task_bundles
@@ -172,6 +172,24 @@ def test_fingers_are_slow_enough_to_push_no_other_finger_faster_than_it_can(
     assert fastest() <= 0.05 + 1e-6
     monkeypatch.setattr(synthesis, "SPARE_FINGERS", 1.0)
     assert fastest() > 0.05
+
+
+@pytest.mark.medium
+def test_fingers_that_nobody_overpowered_are_softened_if_asked_for(
+    driver: Driver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    environment, seen = driver.environment, list[str]()
+    sources = gantry.demonstrations(environment.bundle, 2)
+
+    def softened(source: Source, *_: object) -> Source:
+        seen.append(source.name)
+        return source
+
+    monkeypatch.setattr(synthesis, "softened", softened)
+    synthesis.synthesise(driver, sources, environment.draw(5), 5, Manner(filters=SYNTHESIS))
+    assert not seen
+    synthesis.synthesise(driver, sources, environment.draw(5), 5, Manner(filters=SYNTHESIS, soften=True))
+    assert sorted(seen) == sorted(sources.items)
 
 
 @pytest.mark.medium

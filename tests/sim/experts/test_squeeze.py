@@ -60,8 +60,8 @@ def test_two_hands_lift_a_packet_that_is_too_wide_for_one(robot: RobotModel) -> 
     bundle = openarm_tasks.bundle(robot, goal, {"box": box}, "box", limbs=("left", "right"), timeout_s=10.0)
     driver = Driver(Environment(bundle))
     reach = Reach(robot, "left", "right")
-    ((limbs, expert),) = planning.teams(driver.environment)
-    assert set(limbs) == {"left", "right"}
+    rims, (limbs, expert) = planning.teams(driver.environment)
+    assert set(limbs) == {"left", "right"} == set(rims[0])
     found = expert.plan(Search(driver.environment, reach, CollisionCheck(driver.environment, reach), driver.state()))
     start = starts.photographed(bundle, driver.environment.model)
     episodes = [driver.run(each.operator, start, origin="operator") for each in found[:3]]

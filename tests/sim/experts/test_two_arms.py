@@ -55,9 +55,11 @@ def test_who_does_a_task_follows_from_its_limbs_and_its_goal(robot: RobotModel) 
     def hands(bundle: TaskBundle) -> list[tuple[str, ...]]:
         return [limbs for limbs, _ in planning.teams(Environment(bundle))]
 
-    assert hands(task(robot, "left")) == [("left",), ("right",), ("left", "right")]
+    # By the rim, and on opposite sides.
+    together = [("left", "right")] * 2
+    assert hands(task(robot, "left")) == [("left",), ("right",), *together]
     assert hands(task(robot, "left", ("right",))) == [("right",)]
-    assert hands(task(robot, "left", ("left", "right"))) == [("left", "right")]
+    assert hands(task(robot, "left", ("left", "right"))) == together
     goal = HandoverGoal(giver="right", receiver="left")
     bundle = task(robot, "left")
     given = bundle.model_copy(update={"task": bundle.task.model_copy(update={"goal": goal})})

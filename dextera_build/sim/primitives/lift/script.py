@@ -8,6 +8,7 @@ from dextera_build.sim.experts.grasp import Grasp
 from dextera_build.sim.experts.motion import Leg, Plan
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.experts.rehearse import Candidate
+from dextera_build.sim.experts.rims import Rims, by_rims
 from dextera_build.sim.experts.scripted import Scripted
 from dextera_build.sim.experts.squeeze import SECONDS, Squeeze
 from dextera_build.sim.primitives.lift.primitive import LiftGoal
@@ -50,18 +51,18 @@ class LiftTogether(Scripted):
     Args:
         environment: The task; only its data are used.
         reach: Kinematics of both limbs.
-        squeeze: Contact poses of the hands.
+        way: Contact poses of the hands, on opposite sides or at the rim.
     """
 
-    def __init__(self, environment: Environment, reach: Reach, squeeze: Squeeze) -> None:
+    def __init__(self, environment: Environment, reach: Reach, way: Squeeze | Rims) -> None:
         super().__init__(environment, reach)
         goal: LiftGoal = environment.primitive.goal
         self._rise = goal.height_m + MORE_M
-        self.squeeze = squeeze
+        self.way = way
 
     def phases(self, state: State) -> list[Plan]:
         """The plan from `state`."""
-        plan = self.squeeze.lifting(self._object, state.objects[self._object], self._up, self._rise)
+        plan = self.way.lifting(self._object, state.objects[self._object], self._up, self._rise)
         for limb, legs in plan.items():
             last = legs[-1]
             plan[limb] = [*legs, Leg(last.palm, last.fingers, SECONDS[5], "lift", self._object, True)]
@@ -82,4 +83,13 @@ def _lifts_together(search: Search) -> list[Candidate]:
     return together(search, lambda way: LiftTogether(search.environment, search.reach, way))
 
 
-EXPERTS = (Expert("thumb", _lifts), Expert("nothing", _lifts_together, hands=2))
+def _lifts_by_rims(search: Search) -> list[Candidate]:
+    """Two-handed grasps of the rim of a vessel to lift it."""
+    return by_rims(search, lambda way: LiftTogether(search.environment, search.reach, way))
+
+
+EXPERTS = (
+    Expert("thumb", _lifts),
+    Expert("nothing", _lifts_by_rims, hands=2),
+    Expert("nothing", _lifts_together, hands=2),
+)
