@@ -97,7 +97,7 @@ class Text:
         # The hand of a second file begins at its root.
         if self._hand is None and self._arm.hand:
             lines += [
-                "    # guess: the hand begins where the chain branches, or at its jaw.",
+                "    # guess: the hand begins where the chain branches, at its jaw, or at the last link that turns.",
                 _line("hand", self._arm.hand),
             ]
         frames = [(prefix, self._frames(found)) for prefix, found in self._guesses()]
@@ -125,10 +125,9 @@ class Text:
             ends = f"open: {_rounded(opened, *limits)}, closed: {_rounded(closed, *limits)}"
             lines.append(f"      {limb}: {{gripper: {{joint: {_quoted(prefix + joint)}, {ends}}}}}")
         for limb in found.pointing:
-            tool = "facing: [1, 0, 0], pointing: [0, 0, 1]"
-            hand = "facing: [0, 0, 1], pointing: [1, 0, 0]"
-            way = hand if found.hand else tool
-            grip = f"{{against: nothing, open_rad: {{}}, {way}, tip_radius_m: 0.01}}"
+            tool = "facing: [1, 0, 0], pointing: [0, 0, 1], tip_radius_m: 0.003"
+            hand = "facing: [0, 0, 1], pointing: [1, 0, 0], tip_radius_m: 0.01"
+            grip = f"{{against: nothing, open_rad: {{}}, {tool if limb in found.tools else hand}}}"
             lines.append(f"      {limb}: {{grips: {{point: {grip}}}}}")
         why = (
             "    # guess: where a gripper is open, and closed without an object; what pushes with its tips [rad or m]."
