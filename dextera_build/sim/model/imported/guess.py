@@ -57,6 +57,8 @@ class Guess:
     """Second finger of a gripper -> the first one, and the ratio, where the file does not couple them."""
     home: dict[str, float] = field(default_factory=dict)
     """Joint of the arms, or of a gripper -> position at the start [rad or m]."""
+    hollow: list[str] = field(default_factory=list)
+    """Links of hands that the file draws, but lets touch nothing, as the file calls them."""
     still: list[str] = field(default_factory=list)
     """Joints of wheels, heads and other parts that no arm needs."""
 
@@ -83,6 +85,10 @@ def roles(source: Source, root: str) -> Guess:
     kept |= {
         joint.name for each in branches for body in limbs.way(source.spec.body(root), each.top) for joint in body.joints
     }
+    hands_of = [
+        body for name in found.hand for body in limbs.subtree(source.spec.body(root if name == "base" else name))
+    ]
+    found.hollow = [body.name for body in hands_of if _hollow(body)]
     aside = [body for each in branches for top in each.others for body in limbs.subtree(top)]
     loose = [joint.name for body in aside for joint in body.joints]
     found.still = sorted({*loose, *(joint.name for joint in source.spec.joints if joint.name not in kept)})
@@ -283,6 +289,11 @@ class _Limb:
         side = self._side.rstrip("_")
         own = re.sub(side, "", body.name, count=1, flags=re.IGNORECASE) if side else body.name
         return next((name for name, form in _FINGERS.items() if re.search(form, own, re.IGNORECASE)), "")
+
+
+def _hollow(body: Any) -> bool:
+    geoms = list(body.geoms)
+    return bool(geoms) and not any(geom.contype or geom.conaffinity for geom in geoms)
 
 
 def _slides(joint: Any) -> bool:

@@ -21,6 +21,8 @@ BACK_M = 0.03
 """Distance of the palm's frame behind the tips of a gripper [m]."""
 SIDE_M, WIDE_M = 0.04, 0.08
 """Height of the sides of a tool's end that meet an object, and their largest distance from its middle [m]."""
+RIM_M = 0.003
+"""Depth of a side of a tool's end [m]."""
 SWING_RAD = 1.2
 """Largest opening of a jaw that turns, from closed [rad]."""
 _STRAIGHT = 0.7
@@ -156,10 +158,10 @@ def rim(points: np.ndarray, tip: np.ndarray, axes: np.ndarray) -> dict[str, tupl
     """
     local = (points - tip) @ axes
     near = local[local[:, 2] > -SIDE_M][:, :2]
-    low, high = (np.clip(each, -WIDE_M, WIDE_M).tolist() for each in (near.min(axis=0), near.max(axis=0)))
-    return {
-        "tip_front": (high[0], 0.0),
-        "tip_back": (low[0], 0.0),
-        "tip_left": (0.0, high[1]),
-        "tip_right": (0.0, low[1]),
-    }
+    found = {}
+    for role, way in {"tip_front": (1, 0), "tip_back": (-1, 0), "tip_left": (0, 1), "tip_right": (0, -1)}.items():
+        along = near @ way
+        # The middle of what is farthest: a side of a box, one of two fingers.
+        x, y = np.clip(near[along > along.max() - RIM_M].mean(axis=0), -WIDE_M, WIDE_M).tolist()
+        found[role] = (x, y)
+    return found

@@ -18,7 +18,7 @@ FORWARD, HEIGHT, BELOW = 0.45, 0.3, 0.2
 _BENT, _TIGHT, FREE_RAD = 0.3, 0.3, 0.4
 """Cost of joints that are half a turn from 0 (root mean square), so that of two postures the less turned one is chosen;
 cost of a joint at its limit, and the distance from it at which that ends [rad, of sliding joints m]."""
-_ASIDE = 0.05
+_ASIDE = 0.01
 """Cost of a front of the base against its x axis."""
 _LOW, RAISED = 2.0, 0.25
 """Cost of an elbow or wrist below the palm by the length of the arm, because it would touch the table first, and of the
