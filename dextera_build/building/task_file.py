@@ -9,16 +9,16 @@ import numpy as np
 
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.building import task_places
 from dextera_build.code.companions import in_folder, names_in
 from dextera_build.code.loader import Library
 from dextera_build.geometry import cavities, kinematics, transforms
 from dextera_build.sim.primitives.proposals import Proposal, Shape
 
-BEHIND_M = 0.55
-"""How far behind the objects the robot is put at first [m]."""
-
 FILE = "proposals"
 """File of a primitive with its proposals, which is optional and in no key."""
+SHOWN = "shown"
+"""Target of one demonstration of each task, and the end of the names of their nodes."""
 _HEAD = """\
 summary: Tasks for the objects of {twin}, proposed by `dxb new task`.
 inputs:
@@ -28,8 +28,10 @@ inputs:
   robot: {robot}
 nodes:
   # guess: robot behind the objects, facing the camera; if it is calibrated, use `measured` instead.
-  base: {{rule: align.base, support: $support, position_m: [{x:.2f}, {y:.2f}, 0.0], yaw_deg: 270}}
 """
+_BASE = (
+    "  {name}: {{rule: align.base, support: $support, position_m: [{x:.2f}, {y:.2f}, {z:.2f}], yaw_deg: {yaw:.0f}}}\n"
+)
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,14 @@ def tasks(library: Library, assets: Mapping[str, Asset]) -> list[Task]:
     ]
 
 
-def text(twin: str, robot: str, assets: Mapping[str, Asset], found: Sequence[Task]) -> str:
+def has_arm(robot: RobotModel) -> bool:
+    """Whether the robot has an arm, which takes its hand to an object."""
+    return any(limb.arm for limb in robot.limbs.values())
+
+
+def text(
+    twin: str, robot: str, assets: Mapping[str, Asset], found: Sequence[Task], model: RobotModel | None = None
+) -> str:
     """The file.
 
     Args:
@@ -78,25 +87,44 @@ def text(twin: str, robot: str, assets: Mapping[str, Asset], found: Sequence[Tas
         robot: Address of the robot's recipe.
         assets: Label -> object of the twin.
         found: The tasks.
+        model: The robot, for where it is put; None: at a distance that fits an arm of a person's size.
     """
-    places = np.array([asset.pose.matrix[:3, 3] for asset in assets.values()])
-    x, y = float(places[:, 0].mean()), float(places[:, 1].max()) + BEHIND_M
-    lines = [line for task in found for line in _node(task)]
-    names = ", ".join(_snake(task.proposal.name) for task in found)
-    end = f"targets:\n  default: [{names}]\n"
-    return _HEAD.format(twin=twin, robot=robot, x=x, y=y) + "\n".join(lines) + "\n" + end
+    used = {task.object for task in found}
+    spots = {label: asset.pose.matrix[:3, 3] for label, asset in assets.items() if label in used}
+    places = task_places.found(model, spots)
+    bases = {f"base_{place.objects[0]}" if place.objects else "base": place for place in places}
+    head = _HEAD.format(twin=twin, robot=robot)
+    for name, place in bases.items():
+        x, y, z = (round(each, 2) + 0.0 for each in place.at_m)
+        head += _BASE.format(name=name, x=x, y=y, z=z, yaw=place.yaw_deg)
+    lines = [line for task in found for line in _node(task, "base" if "base" in bases else f"base_{task.object}")]
+    names = [node(task) for task in found]
+    end = f"targets:\n  default: [{', '.join(names)}]\n  {SHOWN}: [{', '.join(map(shown, names))}]\n"
+    return head + "\n".join(lines) + "\n" + end
 
 
-def _node(task: Task) -> Iterator[str]:
-    name, options = task.proposal.name, task.proposal.options
-    yield f"  {_snake(name)}:"
+def node(task: Task) -> str:
+    """Name of the node of a task."""
+    return "".join(f"_{letter.lower()}" if letter.isupper() else letter for letter in task.proposal.name).strip("_")
+
+
+def shown(name: str) -> str:
+    """Node that demonstrates once the task of node `name`."""
+    return f"{name}_{SHOWN}"
+
+
+def _node(task: Task, base: str) -> Iterator[str]:
+    name, own, options = task.proposal.name, node(task), task.proposal.options
+    yield f"  {own}:"
     yield "    rule: simulate.task"
-    yield from (f"    {slot}: ${slot}" for slot in ("scene", "assets", "robot", "base"))
+    yield from (f"    {slot}: ${slot}" for slot in ("scene", "assets", "robot"))
+    yield f"    base: ${base}"
     yield f"    name: {name}"
     yield f"    primitive: {task.primitive}"
     yield f"    object: {task.object}"
     yield f"    {task.primitive}: {{{', '.join(f'{option}: {value}' for option, value in options.items())}}}"
     yield "    reset: {position_m: 0.03, yaw_deg: 15}"
+    yield f"  {shown(own)}: {{rule: demonstrate.operate, bundle: ${own}, episodes: 1, good: 2}}"
 
 
 def _shape(asset: Asset) -> Shape:
@@ -119,7 +147,3 @@ def _room(asset: Asset) -> np.ndarray | None:
     deep = rim - floor
     cells = np.argwhere(deep > 0.5 * deep.max())
     return np.array([*((np.ptp(cells, axis=0) + 1) * cell), float(deep.max())])
-
-
-def _snake(name: str) -> str:
-    return "".join(f"_{letter.lower()}" if letter.isupper() else letter for letter in name).removeprefix("_")

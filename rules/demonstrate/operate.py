@@ -33,6 +33,9 @@ class OperateOptions(Options):
     attempts: PositiveInt | None = None
     """Fixed number of attempts, instead of `episodes` and `tries`: for success rates, including 0. Of a
     recording, the first takes."""
+    good: PositiveInt = 12
+    """Number of candidate plans that succeed in two trials, at which the scripted operator tries no more. Fewer are
+    found sooner, and succeed at fewer starts."""
     lag_m: PositiveFloat = 0.02
     """Episodes in which joint limits keep the palm farther than this from its command are discarded [m]."""
     accept_other: tuple[Other, ...] = ()

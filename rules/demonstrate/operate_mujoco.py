@@ -44,7 +44,7 @@ def operate(
     if recording is not None:
         ctx.fail("the scripted operator follows no recording", hint="add `backend: hands`, or leave out `recording`")
     driver = Driver(Environment(bundle, terms=of_specs(terms, ctx.companion)))
-    operator = planning.practise(driver, ctx.progress, anyway=common.attempts is not None)
+    operator = planning.practise(driver, ctx.progress, anyway=common.attempts is not None, good=common.good)
     filters = Filters(lag_m=common.lag_m, press_n=common.press_n)
     items: dict[str, Episode] = {}
     failures: dict[str, Episode] = {}

@@ -39,7 +39,11 @@ def test_the_recipe_can_be_read_and_its_tasks_are_valid() -> None:
     recipe = strict_yaml.parse(text, "mine.yaml").plain()
     nodes = recipe["nodes"]
     assert recipe["inputs"]["scene"] == "twin/mine:scene"
-    assert recipe["targets"]["default"] == [name for name in nodes if name != "base"]
+    assert recipe["targets"]["default"] == [name for name in nodes if nodes[name]["rule"] == "simulate.task"]
+    assert recipe["targets"]["shown"] == [task_file.shown(name) for name in recipe["targets"]["default"]]
+    assert {nodes[name]["bundle"] for name in recipe["targets"]["shown"]} == {
+        f"${name}" for name in recipe["targets"]["default"]
+    }
     for name in recipe["targets"]["default"]:
         given = {key: value for key, value in nodes[name].items() if not str(value).startswith("$") and key != "rule"}
         own = given.pop(given["primitive"])

@@ -68,11 +68,16 @@ def test_an_arm_alone_pushes_with_its_end():
     found, root = source()
     tool = chain(arm(root), ["tool0"], joints=False)
     made = guess.roles(found, "root")
-    assert links(made) == dict.fromkeys(("flange", "palm", "tip_tool"), "tool0")
-    assert [made.frames[role].confidence for role in ("flange", "palm", "tip_tool")] == ["certain", "unsure", "unsure"]
-    assert (made.hand, made.grippers, made.pointing) == ([], {}, ["arm"])
+    tips = ("tip_front", "tip_back", "tip_left", "tip_right")
+    assert links(made) == dict.fromkeys(("flange", "palm", *tips), "tool0")
+    assert [made.frames[role].confidence for role in ("flange", "palm", *tips)] == ["certain", *5 * ["unsure"]]
+    # The link that turns is the hand, because it touches what the arm pushes.
+    assert (made.hand, made.grippers, made.pointing, made.tools) == (["link7"], {}, ["arm"], ["arm"])
     # The last joint turns about z, and the box of the tool ends 10 mm beyond its origin.
-    np.testing.assert_allclose(made.frames["tip_tool"].spot.at, [0, 0, 0.01], atol=1e-9)
+    ends = np.array([made.frames[role].spot.at for role in tips])
+    np.testing.assert_allclose(ends[:, 2], 0.01, atol=1e-9)
+    np.testing.assert_allclose(ends[0] + ends[1], [0, 0, 0.02], atol=1e-9)
+    assert np.linalg.norm(ends[0] - ends[1]) == pytest.approx(np.linalg.norm(ends[2] - ends[3]))
     np.testing.assert_allclose(quaternions.to_matrix(made.frames["palm"].spot.turn)[:, 2], [0, 0, 1], atol=1e-9)
     assert tool.name == "tool0"
 

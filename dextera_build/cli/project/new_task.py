@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from dextera_build.cli import options
 from dextera_build.cli.project import written
 from dextera_build.cli.table import writing
-from dextera_build.errors import DxbError, UsageError, listing
+from dextera_build.errors import UsageError, listing
 from dextera_build.project.planning import refuse_unknown
 
 if TYPE_CHECKING:
@@ -46,12 +46,20 @@ def run(args: argparse.Namespace) -> int:
     robot, library = args.object or _ROBOT, session.project.library
     every = task_file.tasks(library, assets)
     model = _model(session, robot)
-    found = every if model is None or task_file.holds(model) else [task for task in every if not task.proposal.holds]
+    if model is None:
+        return 1
+    if not task_file.has_arm(model):
+        raise UsageError(
+            f"{robot} has no arm: nothing takes its hand to an object",
+            code="DXB-U214",
+            hint="join it to an arm: `dxb new robot ARM HAND`",
+        )
+    found = every if task_file.holds(model) else [task for task in every if not task.proposal.holds]
     if not found:
         raise UsageError(f"no task is known for the objects of `{session.recipe}` and {robot}", code="DXB-U214")
     with writing(out):
         out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(task_file.text(session.recipe, robot, assets, found))
+        out.write_text(task_file.text(session.recipe, robot, assets, found, model))
     print(session.project.shown(out.absolute()))
     for task in found:
         print(f"  {task.proposal.name}: {task.primitive} `{task.object}`")
@@ -59,6 +67,8 @@ def run(args: argparse.Namespace) -> int:
         print(f"  left out, because {robot} has no grip that holds: {listing(left)}", file=sys.stderr)
     made, first = written.address(session.project, out, place)
     print(f"  {first}keep the tasks that you want, check every marked guess, then: dxb build {made}", file=sys.stderr)
+    once = task_file.shown(task_file.node(found[0]))
+    print(f"  to see whether the robot does one, in a report: dxb build {made}:{once}", file=sys.stderr)
     print(
         "  to record demonstrations and train a policy, put one of them into a recipe with `extends: task/line`; "
         "`dxb plan task/line` lists its steps and the inputs that it needs",
@@ -93,15 +103,26 @@ def _assets(session: Session) -> dict[str, Asset] | None:
 
 
 def _model(session: Session, address: str) -> RobotModel | None:
-    """A robot as it was built last; None if it was not built."""
+    """A robot, built if it is stale; None if it failed.
+
+    Raises:
+        UsageError: The recipe has no robot.
+    """
     from dextera_build.artifacts.robots.robot import RobotModel
-    from dextera_build.cli import built
+    from dextera_build.building import values
+    from dextera_build.cli.consoles import console
     from dextera_build.session import Session
 
-    try:
-        robot = Session(session.project, address.partition(":")[0], last=True)
-        nodes = [node for node in built.by_type(robot).get(RobotModel.name(), []) if ":" not in node]
-        found = robot.artifact(nodes[-1]) if nodes else None
-    except DxbError:
+    recipe, _, node = address.partition(":")
+    refuse_unknown(session.project, recipe)
+    robot = Session(session.project, recipe)
+    with console(session.project.console, sys.stderr, verbose=False) as shown:
+        result = values.run(robot, (node,), shown)
+    if not result.ok:
         return None
-    return found if isinstance(found, RobotModel) else None
+    for each in reversed(list(result.nodes)):
+        if node in ("", each) and ":" not in each:
+            found = values.value(robot, result, each)
+            if isinstance(found, RobotModel):
+                return found
+    raise UsageError(f"`{address}` is no robot", code="DXB-U214", hint="name a recipe below `robot/`")

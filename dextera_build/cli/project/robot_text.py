@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from dextera_build.sim.model.imported.guess import Guess, Role
     from dextera_build.sim.model.imported.source import Source
 
+HOLLOW = "    # guess: these links of the hand have no collision shapes, so that what is drawn touches."
 _PREFIX = "hand_"
 """Prefix of the names of an attached hand."""
 
@@ -46,6 +47,8 @@ class Text:
                 yield f"{role} = {self._link(prefix, each)}: {each.confidence}, {each.why}"
             for limb, (joint, opened, closed) in found.grippers.items():
                 yield f"gripper of {limb} = {prefix + joint}: open at {opened:.4g}, closed at {closed:.4g}"
+            if found.hollow and self._solid(found):
+                yield f"no collision shapes, so that what is drawn touches: {', '.join(found.hollow)}"
             if found.still:
                 yield f"fixed at home, as no arm needs them: {', '.join(found.still)}"
 
@@ -64,7 +67,8 @@ class Text:
             "    files: $files",
             f"    name: {self._name}",
             f'    source: "{files}"',
-            f"    parts: [{{file: {_quoted(arm.path)}{whole}{self._repair}}}]",
+            *([HOLLOW] if self._arm.hollow and self._hand is None else []),
+            f"    parts: [{{file: {_quoted(arm.path)}{whole}{self._repair}{self._solid(self._arm)}}}]",
             *self._attach(),
             *self._roles(),
             *self._grips(),
@@ -86,18 +90,24 @@ class Text:
     def _attach(self) -> list[str]:
         if self._hand is None:
             return []
-        hand = self._parts[1]
+        hand, more = self._parts[1], self._repair + self._solid(self._hand)
         return [
             "    # guess: the root of the hand lies in the flange's frame; `at_m` and `quaternion` move and turn it.",
-            f"    attach: {{hand: {_quoted(hand.path)}, at: flange, at_m: [0, 0, 0]{self._repair}}}",
+            f"    attach: {{hand: {_quoted(hand.path)}, at: flange, at_m: [0, 0, 0]{more}}}",
         ]
+
+    def _solid(self, found: Guess | None) -> str:
+        """Links of the hand that would touch nothing; the end of an arm that carries another hand is none."""
+        if found is None or not found.hollow or (self._hand is not None and found is self._arm):
+            return ""
+        return f", solid: [{', '.join(map(_quoted, found.hollow))}]"
 
     def _roles(self) -> list[str]:
         lines: list[str] = []
         # The hand of a second file begins at its root.
         if self._hand is None and self._arm.hand:
             lines += [
-                "    # guess: the hand begins where the chain branches, or at its jaw.",
+                "    # guess: the hand begins where the chain branches, at its jaw, or at the last link that turns.",
                 _line("hand", self._arm.hand),
             ]
         frames = [(prefix, self._frames(found)) for prefix, found in self._guesses()]
@@ -125,10 +135,9 @@ class Text:
             ends = f"open: {_rounded(opened, *limits)}, closed: {_rounded(closed, *limits)}"
             lines.append(f"      {limb}: {{gripper: {{joint: {_quoted(prefix + joint)}, {ends}}}}}")
         for limb in found.pointing:
-            tool = "facing: [1, 0, 0], pointing: [0, 0, 1]"
-            hand = "facing: [0, 0, 1], pointing: [1, 0, 0]"
-            way = hand if found.hand else tool
-            grip = f"{{against: nothing, open_rad: {{}}, {way}, tip_radius_m: 0.01}}"
+            tool = "facing: [1, 0, 0], pointing: [0, 0, 1], tip_radius_m: 0.003"
+            hand = "facing: [0, 0, 1], pointing: [1, 0, 0], tip_radius_m: 0.01"
+            grip = f"{{against: nothing, open_rad: {{}}, {tool if limb in found.tools else hand}}}"
             lines.append(f"      {limb}: {{grips: {{point: {grip}}}}}")
         why = (
             "    # guess: where a gripper is open, and closed without an object; what pushes with its tips [rad or m]."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import mujoco
@@ -27,6 +28,8 @@ CLOSING_M = 0.003
 """Clearance of closing fingers from everything but the object [m]."""
 RESTARTS = 3
 """Further starts of the inverse kinematics for the first pose of a plan."""
+OUT_OF_REACH = "the arm does not reach the pose of the hand"
+"""A reason of `refused`."""
 EVERY = 2
 """Control steps between collision checks along a path."""
 
@@ -55,6 +58,9 @@ class CollisionCheck:
         model.geom_margin[self._robot] = CLEAR_M
         self._joints = self._addresses([joint.name for joint in environment.bundle.robot.joints])
         self._led = environment.bundle.robot.followers
+        self._hit = ""
+        self.refused: Counter[str] = Counter()
+        """Why plans were refused so far, and how often."""
 
     def comfort(self, phases: Sequence[Plan], state: State) -> float | None:
         """Comfort of the arms along a plan, higher is better; None if unreachable or in collision.
@@ -65,6 +71,14 @@ class CollisionCheck:
             phases: The plan.
             state: Poses of the robot and the objects.
         """
+        found = self._judged(phases, state)
+        if isinstance(found, str):
+            self.refused[found] += 1
+            return None
+        return found
+
+    def _judged(self, phases: Sequence[Plan], state: State) -> float | str:
+        """Comfort, or why there is none."""
         self._place(state)
         plan = phases[0]
         reach = self._reach.some(tuple(plan))
@@ -76,9 +90,9 @@ class CollisionCheck:
         for legs in (rows[first], *reversed(rows[:first]), *rows[first + 1 : first + 2], rows[-1]):
             solved = self._solved(reach, legs, seed)
             if solved is None:
-                return None
+                return OUT_OF_REACH
             if legs is rows[first] and not self._grasps(reach, solved.joints, rows[first:]):
-                return None
+                return self._hit
             seed = solved.joints
             margin, far = min(margin, solved.margin_rad), max(far, float(np.abs(seed - reach.arm.home).max()))
         for later in phases[1:]:
@@ -86,8 +100,10 @@ class CollisionCheck:
             seed = seed if more is reach else None
             for legs in zip(*later.values(), strict=True):
                 if self._solved(more, legs, seed) is None and self._solved(more, legs, None) is None:
-                    return None
-        return 3.0 * min(margin, ENOUGH_RAD) - far if self._clear(reach, plan, first, state) else None
+                    return OUT_OF_REACH
+        if not self._clear(reach, plan, first, state):
+            return self._hit
+        return 3.0 * min(margin, ENOUGH_RAD) - far
 
     def _grasps(self, reach: Reach, joints: np.ndarray, rows: Sequence[Sequence[Leg]]) -> bool:
         """Whether nothing but the object is in contact with closing hands at the first contact."""
@@ -112,7 +128,10 @@ class CollisionCheck:
             joints = reach.arm.track(np.array([aim.palm for aim in aims]), joints, 1.0 / self._rate)
             looked = number % EVERY == 0 or number == len(commands) - 1
             near = -TOUCH_M if command.contact else CLEAR_M
-            if looked and not (_follows(reach, joints, aims) and self._free(reach, joints, aims, object_m=near)):
+            if looked and not _follows(reach, joints, aims):
+                self._hit = "the arm does not follow the way"
+                return False
+            if looked and not self._free(reach, joints, aims, object_m=near):
                 return False
         return True
 
@@ -151,8 +170,15 @@ class CollisionCheck:
             elif self._object[one] or self._object[other]:
                 apart = object_m
             if contact.dist < apart:
+                self._hit = self._said(one, other)
                 return False
         return True
+
+    def _said(self, one: int, other: int) -> str:
+        """Two geoms that touch, in words."""
+        bodies = [int(self._model.geom_bodyid[geom]) for geom in ((one, other) if self._robot[one] else (other, one))]
+        own, thing = (self._model.body(body).name.removeprefix(ROBOT) for body in bodies)
+        return f"`{own}` would touch {'the scene' if thing == 'world' else f'`{thing}`'}"
 
     def _addresses(self, names: Sequence[str]) -> np.ndarray:
         return np.array([self._model.joint(ROBOT + name).qposadr[0] for name in names], int)

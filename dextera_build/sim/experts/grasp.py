@@ -21,6 +21,8 @@ class Grasp:
     """(H,) finger joints before closing [rad]."""
     closed: np.ndarray
     """(H,) targets of the pressing finger joints [rad]."""
+    aside_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Offset of the palm before closing, in the object's frame, if one finger alone moves: the other is clear [m]."""
     name: str = ""
     """Human-readable description."""
     way: str = ""
@@ -45,13 +47,15 @@ class Grasp:
             up: (3,) vertical in the base.
         """
         hold = base @ self.palm
-        over, wait = hold.copy(), hold.copy()
+        near = hold.copy()
+        near[:3, 3] += base[:3, :3] @ self.aside_m
+        over, wait = near.copy(), near.copy()
         wait[:3, 3] += base[:3, :3] @ self.away
         over[:3, 3] = wait[:3, 3] + (up * self.above_m + base[:3, :3] @ self.away * self.aside)
         return [
             Leg(over, self.open, self.seconds[0], "approach", arc_m=self.arc_m),
             # In the object's frame, so that a synthesised episode approaches from the same side (Eq. 4a).
             Leg(wait, self.open, self.seconds[1], "reach", name),
-            Leg(hold, self.open, self.seconds[2], "grasp", name, True),
+            Leg(near, self.open, self.seconds[2], "grasp", name, True),
             Leg(hold, self.closed, self.seconds[3], "grasp", name, True),
         ]

@@ -21,6 +21,9 @@ SPARES_M = (0.03, 0.015)
 """Openings of the fingers beyond the object's width; straighter fingers reach lower [m]."""
 SLAB_M = 0.03
 """Half height and half width of the slab in which the object's width is measured [m]."""
+STILL_M = 0.001
+"""Way between waiting and touching below which a finger does not move: that of a jaw against which the other closes
+[m]."""
 ROOM_M = 0.045
 """Minimum gap between two walls for fingers [m]."""
 RIMS_M = (0.012, 0.018, 0.028)
@@ -72,19 +75,26 @@ def pinches(points: np.ndarray, name: str, grip: Grip, hand: HandKinematics) -> 
             for tilt, spare in itertools.product((0.0, 0.35, -0.35, 0.7, -0.7, 1.05, -1.05), SPARES_M):
                 wide = _part(travel, held[1] + 2 * grip.tip_radius_m + spare) or 0.0
                 down = np.cross(UP, across) * np.sin(tilt) - UP * np.cos(tilt)
-                turned = _align(fingers - thumb, facing, across, down)
-                palm = transforms.rigid(turned, held[0] - turned @ (thumb + fingers) / 2)
-                yield Grasp(
-                    palm=palm,
-                    away=-RETREAT_M * down,
-                    open=opened + wide * (closed - opened),
-                    closed=closed,
-                    name=_label(name + kind, height, turn=turn, tilt=tilt) + f", {1000 * spare:.0f} mm wider",
-                    way=f"{name}{kind} {np.degrees(turn) // 45:.0f}",
-                    wall=held[0] if kind else None,
-                    above_m=0.03,
-                    aside=0.0,
-                )
+                waiting = opened + wide * (closed - opened)
+                before = _tips(hand, waiting, pressing)
+                turns = {"": _align(fingers - thumb, facing, across, down)}
+                jaw = _still(thumb, before[0]) or _still(fingers, before[1])
+                if jaw:  # An arm of five joints turns its hand about the vertical, if the hand points straight down.
+                    turns[" straight"] = _align(facing, fingers - thumb, down, across)
+                for more, turned in turns.items():
+                    yield Grasp(
+                        palm=transforms.rigid(turned, held[0] - turned @ (thumb + fingers) / 2),
+                        away=-RETREAT_M * down,
+                        open=waiting,
+                        closed=closed,
+                        aside_m=_aside(turned, across, (thumb, fingers), before) if jaw else (0.0, 0.0, 0.0),
+                        name=_label(name + kind + more, height, turn=turn, tilt=tilt)
+                        + f", {1000 * spare:.0f} mm wider",
+                        way=f"{name}{kind}{more} {np.degrees(turn) // 45:.0f}",
+                        wall=held[0] if kind else None,
+                        above_m=0.03,
+                        aside=0.0,
+                    )
 
 
 def wraps(points: np.ndarray, name: str, grip: Grip, hand: HandKinematics) -> Iterator[Grasp]:
@@ -158,6 +168,26 @@ def _walls(points: np.ndarray, height: float, across: np.ndarray) -> list[tuple[
 def _tips(hand: HandKinematics, posture: np.ndarray, pressing: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
     assert hand.thumb is not None
     return hand.tip(hand.thumb, posture), hand.reach(posture, pressing)
+
+
+def _aside(
+    turn: np.ndarray, across: np.ndarray, touching: tuple[np.ndarray, ...], waiting: tuple[np.ndarray, ...]
+) -> tuple[float, float, float]:
+    """Offset of the palm with which fingers that wait are at equal distances of the object.
+
+    Args:
+        turn: Rotation (3, 3) of the palm.
+        across: Direction (3,) in which the object is held.
+        touching: Thumb and fingers (3,) in the palm's frame where they touch the object [m].
+        waiting: The same before they close [m].
+    """
+    moved = turn @ (np.add(*touching) - np.add(*waiting)) / 2
+    x, y, z = (across * (moved @ across)).tolist()
+    return (x, y, z)
+
+
+def _still(one: np.ndarray, other: np.ndarray) -> bool:
+    return float(np.linalg.norm(one - other)) < STILL_M
 
 
 def _gap(hand: HandKinematics, posture: np.ndarray, pressing: Sequence[str]) -> float:

@@ -12,11 +12,11 @@ import numpy as np
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.errors import RuleError, listing
 from dextera_build.sim.control.operator import Command, Operator, OutOfReach, State
-from dextera_build.sim.experts.candidates import Expert, Search, experts
+from dextera_build.sim.experts.candidates import ENOUGH, Expert, Search, experts
 from dextera_build.sim.experts.collision_check import CollisionCheck
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.reach import Reach
-from dextera_build.sim.experts.rehearse import Candidate, Rehearsed, drawn, rehearse
+from dextera_build.sim.experts.rehearse import GOOD, Candidate, Rehearsed, drawn, rehearse
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
 
@@ -25,6 +25,8 @@ PLANNED = 3
 """Number of random starts from which candidates are searched, in addition to the photographed one."""
 SHOWN = 4
 """Number of reasons of failures that an error shows."""
+FREE = 6
+"""Number of joints of an arm that turns its hand freely."""
 NEW = 3
 """Number of sufficient free paths in a new search, if no rehearsed path is free."""
 
@@ -82,7 +84,13 @@ class Unable:
         return None
 
 
-def practise(driver: Driver, progress: Progress = lambda done, total, what: None, *, anyway: bool = False) -> Operator:
+def practise(
+    driver: Driver,
+    progress: Progress = lambda done, total, what: None,
+    *,
+    anyway: bool = False,
+    good: int = GOOD,
+) -> Operator:
     """Find the scripted operator of the driver's task, with the nearest capable limb, or the limbs that the task names.
 
     Args:
@@ -90,6 +98,7 @@ def practise(driver: Driver, progress: Progress = lambda done, total, what: None
         progress: Receives the progress of the rehearsal.
         anyway: If no rehearsal succeeded, return the operator of the likeliest candidate, or `Unable` if there is none,
             so that its attempts show the failure.
+        good: Number of candidates that succeed in their first two trials at which no more are tried.
 
     Raises:
         RuleError: The robot's hand lacks a frame or a grip, the primitive has no script, or, unless `anyway`, the task
@@ -100,17 +109,19 @@ def practise(driver: Driver, progress: Progress = lambda done, total, what: None
     environment.begin(starts.photographed(environment.bundle, environment.model))
     candidates: list[Candidate] = []
     failed: Counter[str] = Counter()
+    refused: Counter[str] = Counter()
     likeliest: Operator | None = None
     for limbs, expert in teams(environment):
         for limb in limbs:
             _check_hand(environment.bundle.robot, limb, expert.against)
         reach = Reach(environment.bundle.robot, *limbs)
-        search = Search(environment, reach, CollisionCheck(environment, reach), driver.state())
+        search = Search(environment, reach, CollisionCheck(environment, reach), driver.state(), min(ENOUGH, 4 * good))
         found = _found(driver, expert, search)
+        refused += search.room.refused
         if not found:
             continue
         candidates += found
-        rehearsed = rehearse(driver, found, progress, failed)
+        rehearsed = rehearse(driver, found, progress, failed, good)
         if rehearsed:
             return Practised(rehearsed, expert, search)
         # New plans are not searched where its path is not free: that would be slow and would not help.
@@ -119,13 +130,25 @@ def practise(driver: Driver, progress: Progress = lambda done, total, what: None
     if anyway:
         return likeliest or Unable(far)
     if not candidates:
-        raise RuleError(far, code="DXB-B250", hint="move the base, see `align.base`")
+        raise RuleError(
+            far,
+            code="DXB-B250",
+            facts=_few_joints(environment) | _reasons(refused),
+            hint="move the base, see `align.base`",
+        )
     raise RuleError(
         f"no rehearsal of `{task.name}` succeeded",
         code="DXB-B251",
         facts={"candidates": len(candidates), "first": candidates[0].name} | _reasons(failed),
         hint="look at the task's pictures: is the object free, and is the goal possible?",
     )
+
+
+def _few_joints(environment: Environment) -> dict[str, str]:
+    """What an arm with few joints cannot do, by limb."""
+    limbs = environment.bundle.robot.limbs
+    few = [f"`{name}` has {len(limb.arm)}" for name, limb in limbs.items() if len(limb.arm) < FREE]
+    return {"joints": f"{', '.join(few)}, and a hand is turned freely by {FREE}"} if few else {}
 
 
 def _reasons(failed: Counter[str]) -> dict[str, str]:
@@ -178,7 +201,9 @@ def _limbs(environment: Environment) -> list[str]:
 
 def _check_hand(robot: RobotModel, limb: str, against: str) -> None:
     own = robot.limbs[limb]
-    missing = ["palm"] * (not own.palm) + ["tip_thumb"] * (own.thumb is None)
+    # Only what closes on an object has fingers that oppose one another.
+    lone = "tip_thumb" if against == "thumb" else "tip"
+    missing = ["palm"] * (not own.palm) + [lone] * (own.thumb is None if against == "thumb" else not own.tips)
     grips = {name: grip.against for name, grip in own.grips.items()}
     if missing or against not in grips.values():
         what = f"frame `{missing[0]}`" if missing else f"grip against `{against}`"

@@ -88,6 +88,7 @@ def rehearse(
     candidates: Sequence[Candidate],
     progress: Callable[[int, int, str], None],
     failed: Counter[str] | None = None,
+    good: int = GOOD,
 ) -> list[Rehearsed]:
     """Rehearse candidates and return those that succeeded in a trial, best first.
 
@@ -96,11 +97,13 @@ def rehearse(
         candidates: Candidates, likeliest first.
         progress: Receives the progress.
         failed: Receives the reasons of candidates that succeeded in no trial.
+        good: Number of candidates that succeeded in both first trials at which no more are tried.
     """
     bundle = driver.environment.bundle
     photographed = starts.photographed(bundle, driver.environment.model)
     tried: list[Rehearsed] = []
-    total = min(TRIED, len(candidates)) + FINAL
+    last = min(FINAL, good)
+    total = min(TRIED, len(candidates)) + last
     for number, candidate in enumerate(candidates[:TRIED]):
         progress(number, total, candidate.name)
         first = candidate.start or photographed
@@ -109,15 +112,15 @@ def rehearse(
             tried.append(found)
         elif failed is not None:
             failed[found.reason] += 1
-        if sum(one.passed == one.of for one in tried) >= GOOD:
+        if sum(one.passed == one.of for one in tried) >= good:
             break
     tried.sort(key=lambda one: (-one.passed, one.stray))
     begun = drawn(driver, STARTS)
     final: list[Rehearsed] = []
     # The best of every kind first, because a kind without free space may be the only one that fails.
-    finalists = taking_turns(tried, [one.candidate.way for one in tried])[:FINAL]
+    finalists = taking_turns(tried, [one.candidate.way for one in tried])[:last]
     for number, one in enumerate(finalists):
-        progress(total - FINAL + number, total, one.candidate.name)
+        progress(total - last + number, total, one.candidate.name)
         found = _rehearsed(driver, one.candidate, begun, patient=True)
         final.append(
             replace(one, stray=max(one.stray, found.stray), passed=one.passed + found.passed, of=one.of + found.of)

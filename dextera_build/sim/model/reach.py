@@ -40,6 +40,12 @@ def of_limb(robot: RobotModel, limb: str) -> Ball | None:
     data = mujoco.MjData(model)
     for name, position in robot.followed(robot.home).items():
         data.joint(name).qpos[0] = position
+    # Followers of a robot's model have no limits of their own.
+    for follower in robot.followers:
+        joint, leader = int(model.joint(follower.name).id), model.joint(follower.leader).range
+        if not model.jnt_limited[joint]:
+            model.jnt_range[joint] = np.sort(follower.ratio * leader + follower.offset)
+            model.jnt_limited[joint] = True
     mujoco.mj_kinematics(model, data)
     body = int(model.joint(joints[0]).bodyid[0])
     way = ancestors(model, body)

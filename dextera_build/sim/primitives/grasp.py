@@ -44,6 +44,8 @@ class Hands:
         """Geom -> number of its finger or palm among all hands, or `SUPPORT`, (ngeom,) int."""
         for number, limb in enumerate(limbs):
             own = finger_map(model, np.array([site(role) for role in limb.tips], int), self.palms[number])
+            if not limb.hand and limb.palm:
+                own[_rigid(model, robot, prefix, self.palms[number])] = len(limb.tips)
             self.fingers[own != SUPPORT] = own[own != SUPPORT] + self._first[number]
 
         self._inside: dict[int, np.ndarray] = {}
@@ -115,6 +117,14 @@ def finger_map(model: Any, tips: np.ndarray, palm: int) -> np.ndarray:
     if palm >= 0:
         owner[last] = len(tips)
     return np.asarray(owner[model.geom_bodyid])
+
+
+def _rigid(model: Any, robot: RobotModel, prefix: str, palm: int) -> np.ndarray:
+    """Geoms (ngeom,) bool of the links of a tool, which have no joint between them and the palm."""
+    welded = model.body_weldid == model.body_weldid[model.site_bodyid[palm]]
+    names = [model.body(body).name.removeprefix(prefix) for body in range(model.nbody)]
+    tool = welded & np.array([robot.links.get(name) == "hand" for name in names])
+    return np.asarray(tool[model.geom_bodyid])
 
 
 def estimate(model: Any, data: Any, body: int, fingers: np.ndarray, palm: int) -> GraspState:

@@ -57,4 +57,5 @@ def hand_part(ctx: Context, options: ImportedRobotOptions, links: list[str], sit
         at_m=tuple(at[:3].tolist()),
         quaternion=tuple(at[3:].tolist()),
         repair_inertias=attach.repair_inertias,
+        solid=attach.solid,
     )

@@ -29,6 +29,8 @@ class PartOptions(Options):
     """Rotation of the root on that link, w x y z."""
     repair_inertias: bool = False
     """Replace moments of inertia of a URDF that no rigid body has by the nearest ones that a body can have."""
+    solid: tuple[str, ...] = ()
+    """Links without collision geometry, as the file calls them, whose visual geometry also touches."""
     drawn: tuple[str, ...] = ()
     """Collision meshes that are also visible; on links with separate visual geometry, collision geometry is not
     drawn."""
@@ -49,6 +51,8 @@ class AttachOptions(Options):
     """Prefix of the names of its links and joints."""
     repair_inertias: bool = False
     """Replace moments of inertia of a URDF that no rigid body has by the nearest ones that a body can have."""
+    solid: tuple[str, ...] = ()
+    """Links without collision geometry, as the file calls them, whose visual geometry also touches."""
 
 
 class FollowOptions(Options):

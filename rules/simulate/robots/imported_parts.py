@@ -98,10 +98,21 @@ def part(ctx: Context, files: Folder, options: PartOptions, number: int) -> Plac
     for name in options.drawn:
         if name not in meshes:
             ctx.fail(f"`{options.file}` has no mesh `{name}`", meshes=listing(meshes, most=40))
+    _fill(ctx, source.spec, options)
     root = root or tops[0]
     if not (number or options.prefix):
         source.renamed = roots.free_base(source.spec, root)
     return Placed(source, root, options.prefix, options.on, options.at_m, options.quaternion, options.drawn)
+
+
+def _fill(ctx: Context, spec: Any, options: PartOptions) -> None:
+    """Let everything that links of `solid` draw touch."""
+    for name in options.solid:
+        if (link := spec.body(name)) is None:
+            bodies = [body.name for body in spec.bodies[1:]]
+            ctx.fail(f"`{options.file}` has no link `{name}`", hint=did_you_mean(name, bodies) or "correct `solid`")
+        for geom in link.geoms:
+            geom.contype = geom.conaffinity = 1
 
 
 def sites(parts: list[Placed]) -> dict[str, Frame]:

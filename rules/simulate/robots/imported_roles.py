@@ -57,6 +57,7 @@ def roles(
     led = {name: rule for name, rule in mimics.items() if rule[0] in driven}
     fixed += [name for name in mimics if name not in led]
     facts = _Facts(ctx, parts, known, options)
+    carriers = _carriers(spec, options)
     drives, joints = [], []
     for name in driven:
         lower, upper = facts.limits(name)
@@ -64,7 +65,8 @@ def roles(
         stiffness, damping = facts.gains(name, effort)
         at = facts.home(name, lower, upper)
         drives.append(Drive(name, lower, upper, effort, stiffness, damping))
-        group = links[known[name].parent.name]
+        carrier = known[name].parent.name
+        group: Group = "arm" if carrier in carriers else links[carrier]
         joints.append(
             RobotJoint(
                 name=name,
@@ -104,6 +106,18 @@ def _links(ctx: Context, spec: Any, options: ImportedRobotOptions) -> dict[str, 
         found[name] = "hand" if name in options.hand or above == "hand" else "arm"
     if found.get("base") == "hand" and len(options.parts) > 1:
         ctx.fail("the base is part of the hand", hint="name the hand's first link in `hand`")
+    return found
+
+
+def _carriers(spec: Any, options: ImportedRobotOptions) -> set[str]:
+    """Links from the base to each palm, whose joints move the whole hand, even if the link is itself a part of it."""
+    bodies = {body.name: body for body in spec.bodies[1:]}
+    palms = [each.link for role, each in options.frames.items() if role == "palm" or role.endswith("_palm")]
+    found: set[str] = set()
+    for name in palms:
+        while name in bodies:
+            found.add(name)
+            name = bodies[name].parent.name
     return found
 
 

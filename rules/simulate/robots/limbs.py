@@ -11,7 +11,10 @@ from dextera_build.artifacts.robots.limb import ONLY, limb_of
 from dextera_build.artifacts.robots.robot import Grip, Gripper, Limb, RobotModel
 from dextera_build.errors import did_you_mean, listing
 from dextera_build.rule import Context, Options
+from dextera_build.sim.model import fingertips
 
+PART = 0.15
+"""How far a gripper that pushes is open, as a part of its stroke."""
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
@@ -108,12 +111,9 @@ def limbs_of(
     for name, limb in found.items():
         stated = limbs.get(name, LimbOptions())
         own = {**grips, **stated.grips}
-        found[name] = limb.model_copy(
-            update={
-                "gripper": _gripper(ctx, robot, name, limb, stated.gripper),
-                "grips": grips_of(ctx, own, robot, limb) or _pinch(stated.gripper),
-            }
-        )
+        gripper = _gripper(ctx, robot, name, limb, stated.gripper)
+        every = {**_closing(robot, limb, gripper), **grips_of(ctx, own, robot, limb)}
+        found[name] = limb.model_copy(update={"gripper": gripper, "grips": every})
     return robot.model_copy(update={"limbs": found})
 
 
@@ -191,13 +191,15 @@ def _gripper(ctx: Context, robot: RobotModel, name: str, limb: Limb, options: Gr
     return Gripper(joint=options.joint, open=options.open, closed=options.closed)
 
 
-def _pinch(gripper: GripperOptions | None) -> dict[str, Grip]:
-    """The grip of a parallel gripper whose palm frame has z towards the object."""
+def _closing(robot: RobotModel, limb: Limb, gripper: Gripper | None) -> dict[str, Grip]:
+    """The grips of a parallel gripper whose palm frame has z towards the object: it pinches, and pushes when closed."""
     if gripper is None:
         return {}
     ahead = (0.0, 0.0, 1.0)
     opened, closed = {gripper.joint: gripper.open}, {gripper.joint: gripper.closed}
-    return {
-        "pinch": Grip(against="thumb", open=opened, closed=closed, facing=ahead, pointing=ahead),
-        "point": Grip(against="nothing", open=closed, facing=(1.0, 0.0, 0.0), pointing=ahead),
-    }
+    # Fingers that press on one another would be in collision on the whole way.
+    pushing = {gripper.joint: gripper.closed + PART * (gripper.open - gripper.closed)}
+    point = Grip(against="nothing", open=pushing, facing=(1.0, 0.0, 0.0), pointing=ahead)
+    if limb.palm:
+        point = point.model_copy(update={"tip_radius_m": fingertips.half_width(robot, limb, pushing)})
+    return {"pinch": Grip(against="thumb", open=opened, closed=closed, facing=ahead, pointing=ahead), "point": point}

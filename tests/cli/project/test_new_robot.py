@@ -70,6 +70,16 @@ def test_guesses_are_said_with_their_confidence(space):
     )
 
 
+def test_a_hand_that_is_drawn_only_is_solid(space):
+    drawn = '<visual><geometry><box size="0.02 0.01 0.06"/></geometry></visual>'
+    text = ARM.replace('<link name="left">', f'<link name="left">{drawn}')
+    put(space.root / "robots", dict(arm(text).files))
+    answer = space.dxb("new", "robot", "robots/arm_description/urdf/arm.urdf")
+    assert "no collision shapes, so that what is drawn touches: left" in answer.err
+    (part,) = written(space, "arm")["nodes"]["robot"]["parts"]
+    assert part["solid"] == ["left"]
+
+
 @pytest.mark.slow
 def test_impossible_inertias_are_repaired_on_request_and_said(space):
     text = ARM.replace('<link name="tool0"/>', TINY).replace('izz="0.001"', 'izz="0.1"')

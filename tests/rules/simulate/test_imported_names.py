@@ -75,6 +75,41 @@ def test_repaired_moments_are_those_of_a_body_and_no_smaller():
             np.testing.assert_allclose(np.sort(found), possible)  # raised no more than needed
 
 
+DRAWN = '<link name="tool0"><visual><geometry><box size="0.02 0.02 0.02"/></geometry></visual></link>'
+
+
+@pytest.mark.medium
+def test_what_a_link_of_solid_draws_touches(tmp_path):
+    def touches(**part):
+        text = ARM.replace('<link name="tool0"/>', DRAWN)
+        model = compiled(made(tmp_path, arm(text), parts=[{"file": URDF, **part}]))
+        body = model.body("tool0")
+        first = int(body.geomadr[0])
+        return [bool(model.geom_contype[geom]) for geom in range(first, first + int(body.geomnum[0]))]
+
+    assert touches() == [False]
+    assert touches(solid=["tool0"]) == [True]
+    with pytest.raises(RuleError, match="has no link `tool1`"):
+        touches(solid=["tool1"])
+
+
+@pytest.mark.medium
+def test_a_joint_above_the_palm_is_the_arms_though_its_link_is_a_part_of_the_hand(tmp_path):
+    frames = {"palm": {"link": "tool0"}, "tip_left": {"link": "left"}, "tip_right": {"link": "right"}}
+    robot = made(tmp_path, arm(), parts=[{"file": URDF}], hand=["fore"], frames=frames)
+    assert robot.links["fore"] == "hand"
+    assert robot.limbs["arm"].arm == ("shoulder", "elbow")
+    assert robot.limbs["arm"].hand == ("grip",)
+
+
+def test_moments_of_a_plate_stay_those_of_a_body_when_a_file_rounds_them():
+    plate = np.array([1.23456789e-4, 3.456789e-5, 1.5802469e-4])  # the largest equals the sum of the others
+    rounded = [float(f"{value:.6g}") for value in inertia.balanced(plate)]
+    assert sorted(rounded)[2] < sum(sorted(rounded)[:2])
+    np.testing.assert_allclose(inertia.balanced(plate), plate, rtol=1e-4)
+    assert (inertia.balanced(np.array([1.0, 1.0, 1.0])) == 1.0).all()
+
+
 @pytest.mark.medium
 def test_a_hand_is_attached_at_a_role_with_its_pose(tmp_path: Path):
     frames = {"flange": {"link": "tool0", "at_m": (0, 0, 0.02), "quaternion": (0, 0, 0, 1)}}

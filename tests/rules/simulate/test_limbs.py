@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
 
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
-from tests.rules.simulate.test_robot import HINGE, LINK, PENDULUM
+from tests.rules.simulate.test_robot import BALL, HINGE, LINK, PENDULUM
 
 FINGERS = {
     "group": "hand",
@@ -42,6 +43,25 @@ def test_a_parallel_gripper_is_a_hand_with_two_tips_and_its_own_pinch(tmp_path: 
     assert limb.hand == ("one_slide", "other_slide")
     assert limb.thumb == "tip_one"
     assert limb.grips["pinch"].closed == {"one_slide": -0.5}
+    # Fingers that press on one another would be in collision on the whole way to what they push.
+    assert limb.grips["point"].open == {"one_slide": pytest.approx(-0.35)}
+
+
+def test_a_gripper_pushes_with_the_sides_of_its_fingers_and_keeps_its_pinch_beside_a_stated_grip(
+    tmp_path: Path,
+) -> None:
+    gripper = {"joint": "one_slide", "open": 0.5, "closed": -0.5}
+    ball = BALL | {"radius_m": 0.03}
+    finger = LINK | {"name": "finger", "joint": HINGE | {"name": "slide"}, "pieces": (ball,)}
+    chains = (PENDULUM["chains"][0], FINGERS | {"links": (finger,)})
+    robot = made(tmp_path, {"right": {"gripper": gripper}}, chains=chains)
+    (limb,) = robot.limbs.values()
+    # The corners of the box around a ball that the joint has turned by 0.35 rad.
+    assert limb.grips["point"].tip_radius_m == pytest.approx(0.03 * (np.cos(0.35) + np.sin(0.35)))
+    own = {"against": "nothing", "open_rad": {"one_slide": 0.0}, "tip_radius_m": 0.02}
+    (stated,) = made(tmp_path / "stated", {"right": {"gripper": gripper, "grips": {"point": own}}}).limbs.values()
+    assert stated.grips["pinch"] == limb.grips["pinch"]
+    assert stated.grips["point"].tip_radius_m == 0.02
 
 
 def test_without_options_limbs_follow_from_frames(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.robots.robot import Grip, RobotModel
 from dextera_build.geometry import transforms
 from dextera_build.sim.control.hand import HandKinematics
 from dextera_build.sim.experts.grasps import candidates
@@ -93,3 +93,40 @@ def test_candidates_are_rotations(robot: RobotModel, hand: HandKinematics) -> No
 
 def test_a_grip_that_only_points_holds_nothing(robot: RobotModel, hand: HandKinematics) -> None:
     assert not list(candidates(can(0.035, 0.15), {"point": robot.limbs["arm"].grips["point"]}, hand))
+
+
+class Jaw:
+    """A finger that turns by its joint [rad] about a point 0.1 m behind the tips, against one that never moves."""
+
+    thumb = "tip_fixed"
+
+    def posture(self, joints: dict[str, float]) -> np.ndarray:
+        return np.array([joints["jaw"]])
+
+    def pressing(self, opened: np.ndarray, closed: np.ndarray) -> tuple[str, ...]:
+        return ("tip_jaw",)
+
+    def tip(self, role: str, posture: np.ndarray) -> np.ndarray:
+        return np.array([0.0, 0.0, 0.03])
+
+    def reach(self, posture: np.ndarray, pressing: tuple[str, ...]) -> np.ndarray:
+        return np.array([0.0, 0.1 * np.sin(posture[0]), 0.1 * np.cos(posture[0]) - 0.07])
+
+
+@pytest.mark.medium
+def test_a_jaw_waits_with_both_sides_clear_of_the_object() -> None:
+    ahead = (0.0, 0.0, 1.0)
+    grip = Grip(against="thumb", open={"jaw": 1.2}, closed={"jaw": 0.0}, facing=ahead, pointing=ahead)
+    jaw = Jaw()
+    found = list(candidates(can(0.02, 0.06), {"pinch": grip}, jaw))  # type: ignore[arg-type]
+    straight = [each for each in found if "straight" in each.name]
+    assert 2 * len(straight) == len(found) > 0
+    for grasp in found[::STEP]:
+        palm = transforms.rigid(grasp.palm[:3, :3], grasp.palm[:3, 3] + grasp.aside_m)
+        sides = [transforms.apply(palm, tip) for tip in (jaw.tip("", grasp.open), jaw.reach(grasp.open, ()))]
+        near, far = sorted(float(np.linalg.norm(side[:2])) for side in sides)
+        assert near > 0.02 + 0.005, grasp.name
+        assert far - near < 0.01, grasp.name
+    for grasp in straight:
+        if "tilt 0" in grasp.name:
+            np.testing.assert_allclose(grasp.palm[:3, 2], [0, 0, -1], atol=1e-9)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from dextera_build.artifacts.robots.limb import Grip
 from dextera_build.errors import RuleError
 from dextera_build.sim.experts import planning
 from dextera_build.sim.experts.candidates import Expert
@@ -21,6 +22,17 @@ def test_a_hand_without_grips_is_refused() -> None:
     assert caught.value.code == "DXB-B252"
 
 
+def test_what_pushes_needs_no_thumb() -> None:
+    robot = task_bundles.lift().robot
+    limb = robot.limbs["arm"]
+    pushes = Grip(against="nothing", open={})
+    able = robot.model_copy(update={"limbs": {"arm": limb.model_copy(update={"grips": {"point": pushes}})}})
+    planning._check_hand(able, "arm", "nothing")
+    bare = robot.model_copy(update={"limbs": {"arm": limb.model_copy(update={"tips": (), "grips": {"point": pushes}})}})
+    with pytest.raises(RuleError, match="no frame `tip`"):
+        planning._check_hand(bare, "arm", "nothing")
+
+
 def test_every_way_has_its_turn() -> None:
     ways = ["a", "a", "a", "b", "c", "b"]
     assert taking_turns(range(6), ways) == [0, 3, 4, 1, 5, 2]
@@ -34,6 +46,7 @@ def test_without_a_candidate_the_attempts_of_anyway_hold_still_and_tell_why(monk
     with pytest.raises(RuleError, match="out of reach") as caught:
         planning.practise(driver)
     assert caught.value.code == "DXB-B250"
+    assert caught.value.facts["joints"] == "`arm` has 3, and a hand is turned freely by 6"
     start = starts.photographed(environment.bundle, environment.model)
     episode = driver.run(planning.practise(driver, anyway=True), start, origin="operator")
     assert not episode.success

@@ -11,7 +11,7 @@ import pytest
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.tasks.task import TaskSpec
-from dextera_build.sim.primitives.grasp import Hands
+from dextera_build.sim.primitives.grasp import SUPPORT, Hands
 from dextera_build.sim.primitives.lift.primitive import LiftGoal
 from dextera_build.sim.primitives.state import GraspState, TaskState, opposed, together
 from dextera_build.sim.primitives.success import holds
@@ -119,3 +119,24 @@ def test_a_hand_that_is_not_named_must_keep_off() -> None:
     assert not alone.grasp(("right",)).alone
     assert not helped.grasp(("left",)).alone
     assert helped.grasp().alone
+
+
+def test_all_links_of_a_tool_are_its_palm_and_none_of_the_arm_is() -> None:
+    part = '<geom type="box" size="0.01 0.03 0.02"/>'
+    xml = (
+        '<mujoco><worldbody><body name="base"><body name="wrist"><joint name="turn"/>'
+        f'{part}<body name="tool">{part}<body name="end" pos="0 0 0.1"><site name="palm"/><site name="tip"/></body>'
+        "</body></body></body></worldbody></mujoco>"
+    )
+    links = {"base": "arm", "wrist": "arm", "tool": "hand", "end": "hand"}
+    robot = RobotModel(
+        model=Folder(files={"robot.xml": xml.encode()}),
+        joints=(),
+        links=links,
+        frames={"palm": "palm", "tip_end": "tip"},
+        source="hand-made",
+    )
+    model = mujoco.MjModel.from_xml_string(xml)
+    hands = Hands(model, robot)
+    owners = {model.body(model.geom_bodyid[geom]).name: int(hands.fingers[geom]) for geom in range(model.ngeom)}
+    assert owners == {"wrist": SUPPORT, "tool": 1}

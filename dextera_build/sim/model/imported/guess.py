@@ -51,10 +51,14 @@ class Guess:
     """Limb -> joint of both fingers, its positions open and closed [rad or m]."""
     pointing: list[str] = field(default_factory=list)
     """Limbs without a gripper: they push with the ends of their fingers, or with the tool."""
+    tools: list[str] = field(default_factory=list)
+    """Those of them that have no hand."""
     followers: dict[str, tuple[str, float]] = field(default_factory=dict)
     """Second finger of a gripper -> the first one, and the ratio, where the file does not couple them."""
     home: dict[str, float] = field(default_factory=dict)
     """Joint of the arms, or of a gripper -> position at the start [rad or m]."""
+    hollow: list[str] = field(default_factory=list)
+    """Links of hands that the file draws, but lets touch nothing, as the file calls them."""
     still: list[str] = field(default_factory=list)
     """Joints of wheels, heads and other parts that no arm needs."""
 
@@ -73,7 +77,7 @@ def roles(source: Source, root: str) -> Guess:
     sides = _sides(branches)
     shape = Shape(source.spec, source.mimics)
     for branch, side in zip(branches, sides, strict=True):
-        _Limb(source, root, shape, branch, side).add(found)
+        _Limb(source, root, shape, branch, side).add(found, alone=len(branches) == 1)
     if len(branches) > 1:  # tasks for one hand ask for frames without a side
         last = "right_" if "right_" in sides else sides[-1]
         found.frames |= {role.removeprefix(last): each for role, each in found.frames.items() if role.startswith(last)}
@@ -81,6 +85,10 @@ def roles(source: Source, root: str) -> Guess:
     kept |= {
         joint.name for each in branches for body in limbs.way(source.spec.body(root), each.top) for joint in body.joints
     }
+    hands_of = [
+        body for name in found.hand for body in limbs.subtree(source.spec.body(root if name == "base" else name))
+    ]
+    found.hollow = [body.name for body in hands_of if _hollow(body)]
     aside = [body for each in branches for top in each.others for body in limbs.subtree(top)]
     loose = [joint.name for body in aside for joint in body.joints]
     found.still = sorted({*loose, *(joint.name for joint in source.spec.joints if joint.name not in kept)})
@@ -111,8 +119,8 @@ class _Limb:
         self._source, self._root, self._shape, self._branch, self._side = source, root, shape, branch, side
         self._palm = branch.palm
 
-    def add(self, found: Guess) -> None:
-        """Add its roles."""
+    def add(self, found: Guess, *, alone: bool) -> None:
+        """Add its roles; `alone`: the robot has no other arm."""
         count = len(self._branch.fingers)
         self._flange(found)
         leader = self._leader(found) if count > 1 else None
@@ -127,7 +135,7 @@ class _Limb:
             self._many(found)
         joints = [joint.name for body in limbs.way(self._branch.top, self._palm) for joint in body.joints]
         driven = [name for name in joints if name not in self._source.mimics]
-        found.home |= home.found(self._shape, driven, found.frames[self._side + "palm"].spot, down)
+        found.home |= home.found(self._shape, driven, found.frames[self._side + "palm"].spot, down, alone)
         if (gripper := found.grippers.get(self._limb)) is not None:
             found.home[gripper[0]] = gripper[1]
 
@@ -169,8 +177,13 @@ class _Limb:
         tip = middle + max(far, 0.0) * ahead
         why = "the file has no hand: the arm pushes with its end"
         self._role(found, "palm", self._palm, tip - hands.BACK_M * ahead, axes, "unsure", why)
-        self._role(found, "tip_tool", self._palm, tip, None, "unsure", why)
+        for role, (x, y) in hands.rim(self._shape.outline(carrier), tip, axes).items():
+            self._role(found, role, self._palm, tip + axes @ [x, y, 0.0], None, "unsure", "the rim of the end")
+        # What touches the object on purpose is a hand, and not a part of the arm.
+        if carrier.name != self._root:
+            found.hand.append(self._named(carrier))
         found.pointing.append(self._limb)
+        found.tools.append(self._limb)
 
     def _jaw(self, found: Guess) -> None:
         """One finger, which closes against the link that carries it."""
@@ -191,7 +204,7 @@ class _Limb:
         self._role(found, "palm", self._palm, tip - hands.BACK_M * ahead, axes, "likely", why)
         self._role(found, "tip_fixed", self._palm, tip, None, "likely", "where the closed jaw ends")
         self._role(found, "tip_jaw", finger, tip, None, "likely", "the end of its mesh")
-        found.hand.append(self._named(finger))
+        found.hand.append(self._named(self._palm))
         found.grippers[self._limb] = (joint.name, opened, closed)
 
     def _leader(self, found: Guess) -> tuple[str, list[str]] | None:
@@ -276,6 +289,11 @@ class _Limb:
         side = self._side.rstrip("_")
         own = re.sub(side, "", body.name, count=1, flags=re.IGNORECASE) if side else body.name
         return next((name for name, form in _FINGERS.items() if re.search(form, own, re.IGNORECASE)), "")
+
+
+def _hollow(body: Any) -> bool:
+    geoms = list(body.geoms)
+    return bool(geoms) and not any(geom.contype or geom.conaffinity for geom in geoms)
 
 
 def _slides(joint: Any) -> bool:

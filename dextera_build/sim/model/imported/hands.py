@@ -19,6 +19,10 @@ IN_M = 0.004
 """Distance of a tip from the end of its finger [m]."""
 BACK_M = 0.03
 """Distance of the palm's frame behind the tips of a gripper [m]."""
+SIDE_M, WIDE_M = 0.04, 0.08
+"""Height of the sides of a tool's end that meet an object, and their largest distance from its middle [m]."""
+RIM_M = 0.003
+"""Depth of a side of a tool's end [m]."""
 SWING_RAD = 1.2
 """Largest opening of a jaw that turns, from closed [rad]."""
 _STRAIGHT = 0.7
@@ -142,3 +146,22 @@ def end(points: np.ndarray, ahead: np.ndarray, inner: np.ndarray) -> np.ndarray:
     middle = (tip.min(axis=0) + tip.max(axis=0)) / 2
     middle = middle + ((tip @ inner).max() - middle @ inner) * inner
     return np.asarray(middle + (float(along.max()) - IN_M - middle @ ahead) * ahead)
+
+
+def rim(points: np.ndarray, tip: np.ndarray, axes: np.ndarray) -> dict[str, tuple[float, float]]:
+    """Role -> x and y [m] of the four sides of the end of a tool, with which it pushes.
+
+    Args:
+        points: Outline of the tool (N, 3) [m].
+        tip: The middle of its end (3,).
+        axes: Axes (3, 3) in columns, z out of the end.
+    """
+    local = (points - tip) @ axes
+    near = local[local[:, 2] > -SIDE_M][:, :2]
+    found = {}
+    for role, way in {"tip_front": (1, 0), "tip_back": (-1, 0), "tip_left": (0, 1), "tip_right": (0, -1)}.items():
+        along = near @ way
+        # The middle of what is farthest: a side of a box, one of two fingers.
+        x, y = np.clip(near[along > along.max() - RIM_M].mean(axis=0), -WIDE_M, WIDE_M).tolist()
+        found[role] = (x, y)
+    return found

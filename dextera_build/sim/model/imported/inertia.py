@@ -9,6 +9,9 @@ RADIUS_M = 0.001
 _EXCESS = 1.001
 """Largest moment as a fraction of the sum of the others that passes, for rounded numbers in files."""
 
+_MARGIN = 1e-5
+"""Part of the largest moment by which the sum of the others exceeds it at least; MJCF has six digits."""
+
 
 def fault(mass: float, moments: np.ndarray) -> str:
     """Why no rigid body has this mass [kg] and these principal moments (3,) [kg m^2]; "" if one has.
@@ -37,6 +40,14 @@ def repaired(mass: float, moments: np.ndarray) -> np.ndarray:
     middle = max(middle, high - low)
     made = np.empty(3)
     made[order] = low, middle, high
+    return made
+
+
+def balanced(moments: np.ndarray) -> np.ndarray:
+    """`moments` (3,) of which the largest stays below the sum of the others when a file rounds them [kg m^2]."""
+    made, order = np.array(moments, np.float64), np.argsort(moments)
+    lacking = (1 + _MARGIN) * made[order[2]] - made[order[0]] - made[order[1]]
+    made[order[:2]] += max(0.0, lacking) / 2
     return made
 
 

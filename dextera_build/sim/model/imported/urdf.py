@@ -136,7 +136,7 @@ class _Reader:
             moments, before = inertia.repaired(mass, moments), inertia.listed(moments)
             self._found.repaired[name] = f"{before} -> {inertia.listed(moments)} kg m^2"
         axes[:, 2] *= np.sign(np.linalg.det(axes))
-        body.mass, body.inertia, body.ipos = mass, moments, place
+        body.mass, body.inertia, body.ipos = mass, inertia.balanced(moments), place
         body.iquat = quaternions.from_matrix(quaternions.to_matrix(turn) @ axes)
 
     def _check_inertias(self) -> None:
