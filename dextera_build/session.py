@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterator, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -197,25 +197,60 @@ class Session:
         return self.past_builds.all()
 
     @cached_property
-    def last_nodes(self) -> list[str]:
-        """Nodes that the request's last run brought up to date, without nodes known only from older runs."""
+    def last_nodes(self) -> dict[str, Mapping[str, Any]]:
+        """Node -> its end in the last run of the request that built all of it, or in a later one of some targets.
+
+        Nodes known only from older runs are left out, and so are copies that their group no longer had later.
+        """
         from dextera_build.runs import log
 
-        run = self.last_run()
-        events = log.read(self.store, run) if run else []
-        return [
-            event["node"]
-            for event in events
-            if event["event"] == "node_finished" and event["output"] and event["node"] in self.history
-        ]
+        found: dict[str, Mapping[str, Any]] = {}
+        for run in reversed(self._last_runs()):
+            for event in log.lines(self.store, run):
+                if event["event"] == "group_opened":
+                    group = f"{event['group']}["
+                    copies = tuple(f"{group}{label}]" for label in event["labels"])
+                    found = {
+                        node: end
+                        for node, end in found.items()
+                        if not node.startswith(group) or node.startswith(copies)
+                    }
+                elif event["event"] == "node_finished" and event["output"] and event["node"] in self.history:
+                    found[event["node"]] = event
+        return found
+
+    def _last_runs(self) -> list[str]:
+        """The request's successful runs, newest first, up to one that built the default targets; else its last run."""
+        from dextera_build.runs import log
+
+        found: list[str] = []
+        for run in log.those(self.store, self.recipe, self.variant, workspace=self._mark, ok=True):
+            found.append(run)
+            if self._default <= {*next(log.lines(self.store, run))["targets"]}:
+                break
+        return found or [run for run in (self.last_run(),) if run]
+
+    @cached_property
+    def _default(self) -> set[str]:
+        """The recipe's default targets; empty if it cannot be planned, so that every run has all of them."""
+        try:
+            return set(map(str, addresses(self.plan(incomplete=True).graph, "")))
+        except DxbError:
+            return set()
 
     def last_run(self) -> str | None:
         """Id of the request's last successful run, else of its last one; None if there is none."""
-        from dextera_build.runs import log, workspaces
+        from dextera_build.runs import log
 
-        mark = workspaces.mark(self.workspace)
-        runs = (log.latest(self.store, self.recipe, self.variant, workspace=mark, ok=ok) for ok in (True, False))
+        runs = (log.latest(self.store, self.recipe, self.variant, workspace=self._mark, ok=ok) for ok in (True, False))
         return next(filter(None, runs), None)
+
+    @property
+    def _mark(self) -> str:
+        """The project's mark in logs of runs."""
+        from dextera_build.runs import workspaces
+
+        return workspaces.mark(self.workspace)
 
     def past(self, node: str) -> Entry:
         """The history entry of a node; that of the store's result if only recipes that use this one have built it.

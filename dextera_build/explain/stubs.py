@@ -7,7 +7,6 @@ from typing import Any
 
 from dextera_build.explain.origins import Origins
 from dextera_build.report.wording import STUB, some
-from dextera_build.runs import log
 from dextera_build.session import Session
 
 
@@ -16,7 +15,7 @@ def told(session: Session, node: str) -> str:
 
     Args:
         session: The recipe.
-        node: Its node; "" for all nodes of its last run.
+        node: Its node; "" for its `Session.last_nodes`.
     """
     made = list(dict.fromkeys(name for name, backend in _backends(session, node) if backend == STUB))
     if not made:
@@ -29,9 +28,8 @@ def _backends(session: Session, node: str) -> Iterable[tuple[str, str | None]]:
     if node:
         yield node, session.document(node)["backend"]
         yield from map(_of, Origins(session.store).behind(session.past(node)))
-    elif run := session.last_run():
-        events = (event for event in log.lines(session.store, run) if event["event"] == "node_finished")
-        yield from (_of(event) for event in events if event["output"])
+    else:
+        yield from map(_of, session.last_nodes.values())
 
 
 def _of(event: Mapping[str, Any]) -> tuple[str, str | None]:

@@ -134,11 +134,12 @@ def latest(
     store: Store, recipe: str | None = None, variant: str | None = None, *, workspace: str = "", ok: bool = False
 ) -> str | None:
     """Id of the last run in `those`, with `ok` of the successful ones; None if there is none."""
-    found = those(store, recipe, variant, workspace=workspace)
-    return next((run for run in found if not ok or _succeeded(store, run)), None)
+    return next(those(store, recipe, variant, workspace=workspace, ok=ok), None)
 
 
-def those(store: Store, recipe: str | None = None, variant: str | None = None, *, workspace: str = "") -> Iterator[str]:
+def those(
+    store: Store, recipe: str | None = None, variant: str | None = None, *, workspace: str = "", ok: bool = False
+) -> Iterator[str]:
     """Ids of runs, newest first.
 
     Args:
@@ -146,12 +147,14 @@ def those(store: Store, recipe: str | None = None, variant: str | None = None, *
         recipe: Their recipe; None: any.
         variant: The variant of their request; None: any.
         workspace: The `mark` of their workspace; runs without one count, too.
+        ok: Leave out those that did not succeed.
     """
     for run in reversed(runs(store)):
         first = next(lines(store, run), None)
         if first is None or (recipe is not None and first.get("recipe") != recipe):
             continue
-        if first.get("workspace", "") in ("", workspace) and variant in (None, first.get("variant", "")):
+        of_request = first.get("workspace", "") in ("", workspace) and variant in (None, first.get("variant", ""))
+        if of_request and (not ok or _succeeded(store, run)):
             yield run
 
 

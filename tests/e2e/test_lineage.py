@@ -193,3 +193,15 @@ def test_what_no_log_tells_of_is_said(seen):
     assert unknown["missing"] == (
         "the store has no record of its origin; `dxb build 'say/seen' --force 'words'` reads or makes it again"
     )
+
+
+def test_the_whole_recipe_is_known_after_a_build_of_a_part(space: Space) -> None:
+    """A later run of some targets hides nothing that verbs read of the recipe, but copies that went."""
+    assert space.build("say/words").code == 0
+    assert space.build("say/words:start").code == 0
+    assert "all" in by_name(lineage(space, "say/words"))
+    assert "word[two].loud" in by_name(lineage(space, "say/words:word.loud"))
+    space.edit("recipes/say/words.yaml", "text: one two", "text: one")
+    assert space.build("say/words:word").code == 0
+    found = by_name(lineage(space, "say/words:word.loud"))
+    assert ("word[one].loud" in found, "word[two].loud" in found) == (True, False)

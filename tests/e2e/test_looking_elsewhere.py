@@ -62,6 +62,8 @@ def test_after_a_build_the_scene_is_shown_and_marked(made: Space) -> None:
     assert made.dxb("report", "table", "--against", "0001", "-o", "beside.html").code == 0
     assert "Beside run 0001" in (made.root / "beside.html").read_text()
     assert "`table:scene` was made with stub backends: " in made.dxb("get", "table:scene", "-o", "got").err
+    assert made.dxb("build", "table:photo").code == 0
+    assert "`table` was made with stub backends: " in look(made)
 
 
 @pytest.mark.slow
