@@ -23,6 +23,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from dextera_build.artifacts.tasks.policy import PolicyContract
 from dextera_build.deploying.cell import RosCell
 from dextera_build.deploying.continuing import Continuing
 from dextera_build.deploying.driving import quantiles
@@ -94,6 +95,24 @@ class Threads:
         return made
 
 
+@dataclass(frozen=True)
+class Chunked:
+    """How a policy gives chunks, by its contract."""
+
+    every: int = 1
+    """Number of steps of a chunk after which the next one is asked for, if its answer comes at once."""
+    history: int | None = None
+    """Number of observations that the policy takes; None: all since the last question."""
+    forget: float = 0.0
+    """Decay of the weights of overlapping chunks, see `Ensemble`."""
+
+    @classmethod
+    def of(cls, contract: PolicyContract) -> Chunked:
+        """What a contract says."""
+        settings = contract.settings
+        return cls(int(settings.get("every", 1)), contract.history, float(settings.get("forget", 0.0)))
+
+
 class Ahead:
     """Gives one set of joint targets per control period at once, from the chunks so far.
 
@@ -101,11 +120,9 @@ class Ahead:
         policy: Asked by one thread at a time.
         last: Joint targets (A,) that were sent last.
         rate_hz: Control rate [Hz].
-        every: Number of steps of a chunk after which the next one is asked for, if its answer comes at once.
-        history: Number of observations that the policy takes; None: all since the last question.
+        chunked: How the policy gives chunks.
         answer_s: Longest time of an answer, except the first after `reset` [s].
         now: The time [ns].
-        forget: Decay of the weights of overlapping chunks, see `Ensemble`.
         worker: Runs the policy; None: a thread.
         continuing: Tells the policy what its answer has to continue; None: overlapping chunks are averaged.
     """
@@ -116,17 +133,14 @@ class Ahead:
         last: Callable[[], np.ndarray],
         *,
         rate_hz: float,
-        every: int,
-        history: int | None = None,
+        chunked: Chunked,
         answer_s: float,
         now: Callable[[], int],
-        forget: float = 0.0,
         worker: Submits | None = None,
         continuing: Continuing | None = None,
     ) -> None:
-        self._forget, self._continuing = forget, continuing
-        self._policy, self._last, self._every, self._answer_s, self._now = policy, last, every, answer_s, now
-        self._history = history
+        self._policy, self._last, self._answer_s, self._now = policy, last, answer_s, now
+        self._chunked, self._continuing = chunked, continuing
         self._rate_hz, self._fade = rate_hz, max(1, round(FADE_S * rate_hz))
         self._worker = worker or Threads()
         self.answers_s: list[float] = []
@@ -144,11 +158,9 @@ class Ahead:
             policy,
             lambda: cell.previous_action,
             rate_hz=cell.rate_hz,
-            history=policy.contract.history,
-            every=int(policy.contract.settings.get("every", 1)),
+            chunked=Chunked.of(policy.contract),
             answer_s=cell.safety.answer_s,
             now=time.time_ns,
-            forget=float(policy.contract.settings.get("forget", 0.0)),
             continuing=continuing,
         )
 
@@ -191,7 +203,7 @@ class Ahead:
         self._asked: Future[np.ndarray] | None = None
         self._chunks: list[Answer] = []
         """Oldest first."""
-        self._unseen = deque[DeployableObservation](maxlen=self._history)
+        self._unseen = deque[DeployableObservation](maxlen=self._chunked.history)
         self._step = self._asked_at = self._since = 0
         self._joined, self._shift = 0, np.zeros(0)
         self._carried: deque[np.ndarray] = deque(maxlen=PAST)
@@ -202,7 +214,7 @@ class Ahead:
 
     def _due(self) -> int:
         """Steps into a chunk after which the next one is asked for, so that it arrives before the last step."""
-        return max(1, min(self._every, len(self._chunks[-1].targets) - self._delay() - 1))
+        return max(1, min(self._chunked.every, len(self._chunks[-1].targets) - self._delay() - 1))
 
     def _plan(self) -> Plan | None:
         """What the robot is told until the next answer arrives, and would be told after it."""
@@ -253,7 +265,9 @@ class Ahead:
             self.waited += 1
             self._carried.append(self._last())
             return self._carried[-1]
-        weights = np.exp(-self._forget * np.arange(len(found))) * [each.weight(step, self._fade) for each in found]
+        weights = np.exp(-self._chunked.forget * np.arange(len(found))) * [
+            each.weight(step, self._fade) for each in found
+        ]
         mean = weights @ np.stack([each.targets[step - each.asked] for each in found]) / weights.sum()
         left = max(0.0, 1.0 - (step - self._joined + 1) / self._fade)
         self._carried.append(np.asarray(mean + left * self._shift))

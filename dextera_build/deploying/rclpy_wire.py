@@ -18,7 +18,7 @@ from typing import Any
 
 from dextera_build.deploying import delay
 from dextera_build.deploying.rclpy_node import HEAD
-from dextera_build.deploying.transport import Endpoint, Quality, Receive, Topic
+from dextera_build.deploying.transport import Endpoint, Quality, Receive, Topic, failed
 from dextera_build.errors import MachineError
 
 PYTHON = "DXB_ROS_PYTHON"
@@ -47,7 +47,7 @@ class Rclpy:
         self._peers = tuple(peers) or HERE[:1]
         python = os.environ.get(PYTHON) or "python3"
         command = [python, str(Path(__file__).with_name("rclpy_node.py")), str(domain)]
-        self._fault, self._closed = "", False
+        self.fault, self._closed = "", False
         self._lock = threading.Lock()
         self._writers: dict[str, int] = {}
         self._readers: dict[int, Receive] = {}
@@ -65,7 +65,7 @@ class Rclpy:
             raise _unusable(python, str(error)) from None
         self._thread = threading.Thread(target=self._listen, name="rclpy", daemon=True)
         self._thread.start()
-        if not self._ready.wait(START_S) or self._fault:
+        if not self._ready.wait(START_S) or self.fault:
             self.close()
             raise _unusable(python, "the node did not start; what it said is above")
 
@@ -152,8 +152,8 @@ class Rclpy:
     def _put(self, letter: bytes, number: int, data: bytes) -> None:
         stdin = self._process.stdin
         assert stdin is not None
-        if self._fault:
-            raise self._ended(self._fault)
+        if self.fault:
+            raise self._ended(self.fault)
         try:
             stdin.write(HEAD.pack(letter, number, len(data)) + data)
             stdin.flush()
@@ -168,14 +168,14 @@ class Rclpy:
             letter, number, length = HEAD.unpack(head)
             data, arrived = out.read(length), time.time_ns()
             if letter == b"M" and not self._closed:
-                self._readers[number](data, arrived)
+                self.fault = self.fault or failed(self._readers[number], data, arrived)
             elif letter == b"E":
                 self._answers.put(data)
             elif letter == b"F":
-                self._fault = data.decode("utf-8", "replace")
+                self.fault = data.decode("utf-8", "replace")
             elif letter == b"R":
                 self._ready.set()
-        self._fault = self._fault or "its process has ended"
+        self.fault = self.fault or "its process has ended"
         self._ready.set()
 
     def _ended(self, why: str) -> MachineError:

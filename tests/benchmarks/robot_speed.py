@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ import numpy as np
 from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.artifacts.tasks.task import TaskBundle
-from dextera_build.deploying.ahead import Ahead
+from dextera_build.deploying.ahead import Ahead, Chunked
 from dextera_build.deploying.cell import GUARDED, Safety
 from dextera_build.policy.cell import Guard
 from dextera_build.policy.observation import Frames, Measurement
@@ -82,15 +83,14 @@ def run(
         rig = Rig(bundle=bundle, seed=seed, needed=needed, safety=safety)
         acting: Any = policy
         if answer_s is not None:
-            settings = policy.contract.settings
+            chunked = Chunked.of(policy.contract)
             acting = Ahead(
                 policy,
                 lambda: rig.cell.previous_action,
                 rate_hz=rig.cell.rate_hz,
-                every=int(settings.get("every", 1)),
+                chunked=replace(chunked, forget=chunked.forget if forget is None else forget),
                 answer_s=safety.answer_s,
                 now=lambda: rig.time,
-                forget=float(settings.get("forget", 0.0)) if forget is None else forget,
                 worker=Slow(rig, [answer_s]),
             )
         rig.sleep(3.0)  # as long as the checks before a run listen

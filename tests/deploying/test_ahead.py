@@ -13,7 +13,7 @@ import pytest
 
 pytest.importorskip("rosbags", reason="needs rosbags (extra `ros`)")
 
-from dextera_build.deploying.ahead import Ahead
+from dextera_build.deploying.ahead import Ahead, Chunked
 from dextera_build.deploying.cell import Safety
 from dextera_build.policy.observation import DeployableObservation
 from dextera_build.policy.running import Ensemble
@@ -78,7 +78,7 @@ def ahead(rig: Rig, policy: Any, *takes_s: float, every: int = 6) -> Ahead:
         policy,
         lambda: rig.cell.previous_action,
         rate_hz=20.0,
-        every=every,
+        chunked=Chunked(every),
         answer_s=0.5,
         now=lambda: rig.time,
         worker=Slow(rig, [*takes_s]),
@@ -187,7 +187,9 @@ def test_a_failure_in_the_thread_is_that_of_the_run() -> None:
                 raise ZeroDivisionError("by zero")
             return super().chunk(*observations, step=step)
 
-    policy = Ahead(Broken(), lambda: rig.cell.previous_action, rate_hz=20.0, every=6, answer_s=0.5, now=time.time_ns)
+    policy = Ahead(
+        Broken(), lambda: rig.cell.previous_action, rate_hz=20.0, chunked=Chunked(6), answer_s=0.5, now=time.time_ns
+    )
     with pytest.raises(ZeroDivisionError):
         sent(rig, policy)
     assert rig.robot.heard.status[-1] == "stopped: ZeroDivisionError: by zero"
@@ -206,8 +208,7 @@ def test_a_policy_is_given_no_more_observations_than_it_takes() -> None:
         policy,
         lambda: cell.previous_action,
         rate_hz=20.0,
-        every=6,
-        history=2,
+        chunked=Chunked(6, history=2),
         answer_s=0.5,
         now=lambda: rig.time,
         worker=Slow(rig, [0.0]),

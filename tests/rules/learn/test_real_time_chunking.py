@@ -14,7 +14,7 @@ pytest.importorskip("rosbags", reason="needs rosbags (extra `ros`)")
 
 from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.artifacts.tasks.policy import Checkpoint
-from dextera_build.deploying.ahead import Ahead
+from dextera_build.deploying.ahead import Ahead, Chunked
 from dextera_build.deploying.continuing import Continuing
 from dextera_build.errors import RuleError
 from dextera_build.policy.continuing import Plan
@@ -93,7 +93,7 @@ class Ran:
             policy,
             lambda: self.sent[-1],
             rate_hz=RATE_HZ,
-            every=8,
+            chunked=Chunked(8),
             answer_s=1.0,
             now=lambda: self._time,
             worker=self,
