@@ -9,10 +9,10 @@ import numpy as np
 
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.robots.robot import RobotModel
-from dextera_build.building import task_places
 from dextera_build.code.companions import in_folder, names_in
 from dextera_build.code.loader import Library
 from dextera_build.geometry import cavities, kinematics, transforms
+from dextera_build.sim.model import task_places
 from dextera_build.sim.primitives.proposals import Proposal, Shape
 
 FILE = "proposals"

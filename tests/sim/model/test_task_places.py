@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.building import task_places
-from dextera_build.sim.model import reach
+from dextera_build.sim.model import reach, task_places
 from dextera_build.sim.model.forward import Kinematics
 from tests import episodes
 
