@@ -161,8 +161,8 @@ class TestWithWarp:
 
     def test_it_learns_to_close_a_lid_and_its_policy_does_so_in_mujoco(self, tmp_path: Path) -> None:
         more = {"worlds": 64, "rollout": 8, "batch": 128, "epochs": 10, "every": 4, "width": 64, "warp": {"pool": 64}}
-        made = learn(tmp_path, steps=10_240, **more)
+        made = learn(tmp_path, steps=12_288, **more)
         assert made.curve[-1] > made.curve[0] + 3
         runner = RuleRunner(tmp_path, made_by={"checkpoint": "learn.ppo"})
         tried = runner.run("evaluate.rollouts", bundle=BUNDLE, checkpoint=made, options={"trials": 10})
-        assert sum(each.success for each in tried.items.values()) >= 3
+        assert tried.successes >= 5
