@@ -9,7 +9,7 @@ import pytest
 
 from tests import task_bundles
 from tests.benchmarks.worlds import __main__ as program
-from tests.benchmarks.worlds import measure
+from tests.benchmarks.worlds import measure, tensors
 
 pytestmark = pytest.mark.slow
 
@@ -35,3 +35,14 @@ def test_every_round_ends_some_episodes() -> None:
     assert sum(over) == 4
     assert max(over) == 1
     several.close()
+
+
+def test_a_row_of_a_training_has_a_cell_for_every_column() -> None:
+    """Needs the extra `batch`."""
+    pytest.importorskip("mujoco_warp")
+    found = tensors.measured(task_bundles.lift(), 2, "cpu", rollout=2, rounds=1)
+    assert (found.decisions, found.every) == (4, 4)
+    assert found.physics_s > 0.0
+    assert 0.0 < found.practice_s < found.learning_s
+    cells = [cell.strip() for cell in tensors.row("small", "cpu", 2, found).strip("|").split("|")]
+    assert len(cells) == len(tensors.HEADS)

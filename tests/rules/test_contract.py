@@ -37,7 +37,7 @@ HEAVY = ("torch", "open3d", "mujoco", "cv2", "trimesh", "coacd", "pxr", "viser",
 CATALOGUE, WAYS = "dextera_build/sim/primitives/catalogue.py", "dextera_build/sim/experts/candidates.py"
 """Modules that find the files of primitives by name."""
 FILES = ("primitive", "script")
-SHOW_TASKS = {"demonstrate.film"}
+SHOW_TASKS = {"demonstrate.film", "evaluate.film"}
 """Rules that import a simulator of tasks, and only show recorded steps."""
 
 

@@ -6,9 +6,9 @@ Nothing is copied to the host. Words, such as the reason of a fault, are numbers
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from inspect import isfunction
 from typing import Any
 
 import numpy as np
@@ -111,15 +111,17 @@ def constant(value: Any, device: torch.device) -> Tensor:
 @contextmanager
 def on_tensors(primitive: Primitive[Any]) -> Iterator[None]:
     """In the block, the functions of a primitive take tensors in place of arrays; arrays give what they always give."""
-    own = [sys.modules[each.__module__] for each in type(primitive).__mro__ if each.__module__ in sys.modules]
-    modules: list[Any] = [each for each in {*SHARED, *own} if getattr(each, "np", None) is np]
-    for module in modules:
-        module.np = NUMPY
+    # Names of a module, also of one of a project, which is not among `sys.modules`.
+    functions = [each for kind in type(primitive).__mro__ for each in vars(kind).values() if isfunction(each)]
+    spaces = [*(vars(module) for module in SHARED), *(each.__globals__ for each in functions)]
+    changed = {id(each): each for each in spaces if each.get("np") is np}.values()
+    for names in changed:
+        names["np"] = NUMPY
     try:
         yield
     finally:
-        for module in modules:
-            module.np = np
+        for names in changed:
+            names["np"] = np
 
 
 class _Numpy:

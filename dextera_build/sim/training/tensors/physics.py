@@ -10,12 +10,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
+import mujoco
 import numpy as np
 import torch
 from torch import Tensor
 
 from dextera_build.artifacts.tasks.episode import Start
-from dextera_build.errors import RuleError
+from dextera_build.errors import MachineError, RuleError
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.runtime import batch
 from dextera_build.sim.runtime.environment import Environment
@@ -33,7 +34,7 @@ class Physics:
         device: `cpu`, or `cuda` for a GPU.
 
     Raises:
-        MachineError: MuJoCo Warp is not installed.
+        MachineError: MuJoCo Warp is not installed, or the memory does not hold so many worlds.
         RuleError: MuJoCo Warp does not support the model.
     """
 
@@ -48,7 +49,7 @@ class Physics:
         with self.here():
             self._model = batch.put_model(self._mjw, known)
             self._model.opt.deterministic = self._stream is not None  # on a CPU, kernels run one after the other
-            self._data = self._mjw.make_data(known, nworld=count, nconmax=CONTACTS, njmax=CONSTRAINTS)
+            self._data = self._room(known)
             self._ids = self._warp.array(np.arange(self._data.naconmax), dtype=int)
             self._forces = self._warp.zeros(self._data.naconmax, dtype=self._warp.spatial_vector)
         self._fields = batch.of_worlds(self._model, known)
@@ -62,6 +63,20 @@ class Physics:
         with self.here():
             self._sent = torch.zeros(len(self._ramp), count, environment.model.nu, device=self.device)
             self._commands = [self._warp.from_torch(each) for each in self._sent]
+
+    def _room(self, known: mujoco.MjModel) -> Any:
+        """The state of all worlds."""
+        try:
+            return self._mjw.make_data(known, nworld=self.count, nconmax=CONTACTS, njmax=CONSTRAINTS)
+        except RuntimeError as error:
+            if "allocate" not in str(error):
+                raise
+            raise MachineError(
+                f"the memory of `{self.device}` does not hold {self.count:,} worlds",
+                code="DXB-E389",
+                facts={"Warp": str(error).splitlines()[0]},
+                hint=f"worlds: {max(1, self.count // 2)}",
+            ) from None
 
     @contextmanager
     def here(self) -> Iterator[None]:
