@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Container, Iterator, Mapping
+from contextlib import suppress
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -63,6 +64,7 @@ class Session:
             that was built successfully, with a line in `notices`; a profile set in the environment must match it.
         node: The node that is read, perhaps with fields behind it; "" if the whole recipe is.
         names: Bindings to use instead of those of `dxb.lock`.
+        variant: The request's `variant`, if a run says it.
     """
 
     def __init__(
@@ -75,11 +77,13 @@ class Session:
         last: bool = False,
         node: str = "",
         names: Bindings | None = None,
+        variant: str | None = None,
     ) -> None:
         self.project = project
         self.recipe = recipe
         self.added = added or Added()
         self._makes, self._last, self._node, self._names = makes, last, node, names
+        self._variant = variant
 
     @cached_property
     def store(self) -> Store:
@@ -106,6 +110,8 @@ class Session:
     @cached_property
     def variant(self) -> str:
         """Suffix that separates a request's files and history from the recipe's default: `@gpu-1a2b3c4d`, or ""."""
+        if self._variant is not None:
+            return self._variant
         project = self.project
         profile = project.profile if project.profile != project.own_profile else ""
         own = variant_of(profile, self.added)
@@ -115,8 +121,18 @@ class Session:
         if last == own or (profile and not last.startswith(f"@{profile}+")) or not self._is_answered_by(last, own):
             return own
         told = last[1:].rpartition("-")[0]
-        notices[f"`{self.recipe}` as built with {told}; `dxb build {self.recipe}` builds it without"] = None
+        instead = f"; `dxb build {self.recipe}` builds it without" if self._runs_without() else ""
+        notices[f"`{self.recipe}` as built with {told}{instead}"] = None
         return last
+
+    def _runs_without(self) -> bool:
+        """Whether the recipe can be built with nothing added: it has no input that must be given."""
+        with suppress(DxbError):  # of a recipe that is wrong by now
+            found = self.project.recipe(self.recipe)
+            return found is not None and all(
+                each.default is not None or each.optional for each in found.inputs.values()
+            )
+        return False
 
     def _is_answered_by(self, last: str, own: str) -> bool:
         """Whether the request built last has the results to read, and the own one does not."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -74,6 +75,24 @@ def test_a_task_without_a_robot_says_so(session: Any) -> None:
     bundle: TaskBundle = episodes.bundle().model_copy(update={"model": empty})
     with pytest.raises(RuleError, match="cannot run"):
         TaskView(None, "/task", bundle, {})
+
+
+@pytest.mark.parametrize(
+    ("made", "is_viewed"),
+    [
+        ({"task": "TaskBundle"}, True),
+        ({"task/lift:task": "TaskBundle", "table": "Table"}, False),
+        ({"arm": "RobotModel"}, True),
+        ({"photo": "Capture"}, False),
+        ({"photo": "Capture", "ground": "Support", "background": "Background"}, True),
+        ({"d:photo": "Capture", "d:ground": "Support", "d:background": "Background"}, True),
+    ],
+)
+def test_a_build_proposes_to_view_what_can_be_viewed(made: dict[str, str], is_viewed: bool) -> None:
+    store = SimpleNamespace(blobs=SimpleNamespace(get=lambda kind: json.dumps({"artifact": kind})))
+    nodes = [SimpleNamespace(node=node, rule=f"a.{kind}", output=kind) for node, kind in made.items()]
+    nodes.append(SimpleNamespace(node="failed", rule="a.b", output=None))
+    assert built.is_viewed(SimpleNamespace(store=store), nodes) is is_viewed  # type: ignore[arg-type]
 
 
 def test_a_task_recipe_shows_its_task_and_not_the_scene_that_it_reads(

@@ -21,6 +21,14 @@ def built(space):
     return space
 
 
+def test_a_build_ends_with_the_commands_that_show_its_result(space):
+    assert "\n  show: dxb show say/words:all      report: dxb report\n" in space.dxb("build", "say/words").err
+    assert "report:" not in space.dxb("build", "say/words").err  # nothing ran
+    space.edit("recipes/say/words.yaml", "one two", "one")
+    wanted = "say/words:word[one].loud"
+    assert f"  show: dxb show '{wanted}'" in space.dxb("build", wanted).err
+
+
 def test_plan_tells_what_would_run(space):
     rows = [line.split("\t") for line in space.dxb("plan", "say/words").out.splitlines()]
     assert [row[:2] for row in rows if row[0] == "start"] == [["start", "stale"]]

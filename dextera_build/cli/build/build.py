@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 from dextera_build.building import build
 from dextera_build.building.build import Order
 from dextera_build.cli import options
-from dextera_build.cli.build.shown import lines, stubs_of, tell
+from dextera_build.cli.build.shown import lines, stubs_of, suggest, tell
 from dextera_build.cli.consoles import console
-from dextera_build.project import own
 from dextera_build.runs import snapshot
 from dextera_build.runs.snapshot import Recipe
 from dextera_build.session import Session, addresses
@@ -69,6 +68,7 @@ def run(args: argparse.Namespace) -> int:
             code = max(code, _check(session, order, locking))
             continue
         done = built(session, order, locking, watch if keeps else None, verbose=args.verbose)
+        suggest(session, done)
         tell(done, quiet=project.console in ("none", "jsonl"))
         answers += lines(done.placed.paths)
         print(lines(done.placed.paths), end="")
@@ -86,9 +86,8 @@ def built(session: Session, order: Order, locking: Locking, watch: Watch | None,
     """Build, and build again once the user has consented to send the refused data."""
     from dextera_build.cli.build.consent import agreed
 
-    twin = own.twin(session.project) if session.recipe.startswith("robot/") else ""
     while True:
-        with console(session.project.console, sys.stderr, verbose=verbose, twin=twin) as shown:
+        with console(session.project.console, sys.stderr, verbose=verbose) as shown:
             done = build.build(session, order, locking, shown, watch)
         if done.ok or not agreed(session.project, done):
             return done

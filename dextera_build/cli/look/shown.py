@@ -14,6 +14,7 @@ from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.artifacts.tasks.trials import Trials
 from dextera_build.building import fetch, part
 from dextera_build.cli import built
+from dextera_build.cli.built import PARTS
 from dextera_build.engine.graph import parse_address
 from dextera_build.errors import RuleError, UsageError, listing
 from dextera_build.explain import ancestors
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
 
 Fill = Callable[[Any], Iterator[float]]
 """Fills a viewer, and gives the times of the further states of a recording [s]; each item moves the scene on."""
-PARTS = ("Background", "Support", "Capture")
-"""Artifacts that a twin's scene needs."""
 
 
 def of(session: Session, node: str, episode: str | None = None) -> Fill:

@@ -20,7 +20,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     text = "a recipe that was built, a node of it, or fields of its result"
     parser.add_argument("target", metavar="RECIPE[:NODE]", help=text)
-    parser.add_argument("--port", type=int, default=8080, help="port to listen on (8080, or the next free one)")
+    parser.add_argument(
+        "--port", type=options.port, default=8080, help="port to listen on (8080, or the next free one)"
+    )
     parser.add_argument(
         "--host", default="127.0.0.1", metavar="ADDRESS", help="address to listen on (127.0.0.1: this machine alone)"
     )
