@@ -37,6 +37,7 @@ def give(
     as_json: bool,
     cells: Sequence[Mapping[str, Any]] | None = None,
     narrow: Sequence[Mapping[str, str]] | None = None,
+    none: str = "",
 ) -> int:
     """Print a document of `cli.documents` as JSON, or a table; return the exit code.
 
@@ -46,8 +47,11 @@ def give(
         as_json: Whether to print JSON.
         cells: Rows of the table; default: `content`.
         narrow: See `show`.
+        none: What standard error gets in place of a table without rows.
     """
-    if as_json:
+    if none and not content and not as_json:
+        print(none, file=sys.stderr)
+    elif as_json:
         print(spelled(document, content, indent=1))
     elif cells is not None:
         show(cells, narrow)

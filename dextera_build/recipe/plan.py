@@ -144,6 +144,7 @@ class _Planner:
                 members[address[:-1]][address[-1]] = (decl, scope)
         for address, (group, _) in self._groups.items():
             self._overrides[address] = self._override(address, group, members[address])
+        self.maker.warn_unread()
 
     def _call(self, address: tuple[str, ...]) -> Call:
         decl, scope = self._pending[address]

@@ -104,6 +104,33 @@ def test_get_takes_a_name_with_a_suffix_for_a_file(asked):
     assert "error[DXB-U220]: Collection cannot be written as `words.usdz`" in wrong.err
 
 
+def test_what_was_never_built_and_what_is_empty_is_said(space):
+    answer = space.dxb("show", "say/words")
+    assert (answer.code, answer.out) == (0, "")
+    assert answer.err.startswith(
+        "`say/words` was never built here; `dxb plan say/words` says what a build of it would run\n"
+    )
+    for words, told in ((("ls", "runs"), "there are no runs here"), (("library", "mug"), "no asset fits")):
+        answer = space.dxb(*words)
+        assert (answer.code, answer.out, told in answer.err) == (0, "", True)
+    assert space.dxb("show", "say/words", "--json").rows == []
+
+
+def test_a_broken_recipe_hides_no_other(space):
+    space.write("recipes/say/broken.yaml", "nodes: [\n")
+    answer = space.dxb("ls")
+    assert answer.code == 2
+    assert "say/words\tWords, louder.\n" in answer.out
+    assert ("recipes/say/broken.yaml" in answer.err, answer.err.count("error[")) == (True, 1)
+
+
+def test_nothing_is_built_before_every_recipe_and_target_is_known(space):
+    space.write("recipes/say/too.yaml", "nodes: {a: {rule: toy.start}}\n")
+    for wrong, code in (("say/nothing", "U108"), ("say/too:b", "U110")):
+        answer = space.build("say/words", wrong)
+        assert (answer.code, f"error[DXB-{code}]" in answer.err, answer.nodes("ran")) == (2, True, set())
+
+
 def test_get_of_what_was_never_built_says_how(space):
     answer = space.dxb("get", "say/words:all")
     assert answer.code == 2

@@ -16,8 +16,12 @@ from dextera_build.runs.snapshot import Recipe
 from dextera_build.session import Session, addresses
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from dextera_build.building.build import Built
     from dextera_build.building.lock import Locking
+    from dextera_build.project.planning import Added
+    from dextera_build.project.project import Project
     from dextera_build.store.signature import Watch
 
 
@@ -61,7 +65,10 @@ def run(args: argparse.Namespace) -> int:
     if keeps and snapshot.answer(args.words, str(project.cache)):
         return 0
     code, answers, found = 0, "", list[Recipe]()
-    for recipe, targets in options.by_recipe(args.targets).items():
+    wanted = options.by_recipe(args.targets)
+    if len(wanted) > 1:
+        _refuse_unknown(project, added, wanted)
+    for recipe, targets in wanted.items():
         session = Session(project, recipe, added, makes=not args.check)
         order = Order(targets, args.keep_going, args.force, args.whole, tuple(sys.argv[1:]))
         if args.check:
@@ -80,6 +87,14 @@ def run(args: argparse.Namespace) -> int:
     if keeps and not code:
         snapshot.save(session.store.state, args.words, watch, found, answers, told=project.console != "none")
     return code
+
+
+def _refuse_unknown(project: Project, added: Added, wanted: Mapping[str, Sequence[str]]) -> None:
+    """Refuse recipes and targets that do not exist, before the first of several recipes is built."""
+    for recipe, targets in wanted.items():
+        graph = Session(project, recipe, added).plan(incomplete=True).graph
+        for target in targets:
+            addresses(graph, target)
 
 
 def built(session: Session, order: Order, locking: Locking, watch: Watch | None, *, verbose: bool) -> Built:

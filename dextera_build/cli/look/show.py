@@ -170,4 +170,6 @@ def _recipe(session: Session, *, as_json: bool) -> int:
         }
         for row in rows
     ]
-    return table.give("show.recipe", rows, as_json=as_json, cells=cells)
+    name = session.recipe
+    none = f"`{name}` was never built here; `dxb plan {name}` says what a build of it would run"
+    return table.give("show.recipe", rows, as_json=as_json, cells=cells, none=none)
