@@ -5,13 +5,12 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Container, Iterator, Mapping
-from contextlib import suppress
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest as digests
 from dextera_build.errors import DxbError, RuleError, UsageError, did_you_mean, listing
-from dextera_build.project.planning import Added, Planning, refuse_unknown
+from dextera_build.project.planning import Added, Planning, needs_nothing, refuse_unknown
 from dextera_build.project.project import LOCK, Project
 from dextera_build.redact import redact
 from dextera_build.runs.snapshot import LAST
@@ -121,18 +120,9 @@ class Session:
         if last == own or (profile and not last.startswith(f"@{profile}+")) or not self._is_answered_by(last, own):
             return own
         told = last[1:].rpartition("-")[0]
-        instead = f"; `dxb build {self.recipe}` builds it without" if self._runs_without() else ""
+        instead = f"; `dxb build {self.recipe}` builds it without" if needs_nothing(self.project, self.recipe) else ""
         notices[f"`{self.recipe}` as built with {told}{instead}"] = None
         return last
-
-    def _runs_without(self) -> bool:
-        """Whether the recipe can be built with nothing added: it has no input that must be given."""
-        with suppress(DxbError):  # of a recipe that is wrong by now
-            found = self.project.recipe(self.recipe)
-            return found is not None and all(
-                each.default is not None or each.optional for each in found.inputs.values()
-            )
-        return False
 
     def _is_answered_by(self, last: str, own: str) -> bool:
         """Whether the request built last has the results to read, and the own one does not."""
@@ -278,6 +268,7 @@ class Session:
             self.history[node] = found
         if node not in self.history:
             refuse_unknown(self.project, self.recipe)
+            self._refuse_unplanned(node)
             known = sorted(self.history)
             raise UsageError(
                 f"`{self.recipe}:{node}` was never built here",
@@ -286,6 +277,18 @@ class Session:
                 hint=did_you_mean(node, known) or f"`dxb build '{self.recipe}:{node}'`",
             )
         return self.history[node]
+
+    def _refuse_unplanned(self, node: str) -> None:
+        """Raise the error of a node that the recipe does not have, if the recipe can be planned."""
+        from dextera_build.engine.graph import parse_address
+
+        try:
+            graph = self.plan(incomplete=True).graph
+        except DxbError:
+            return
+        known = {".".join(call[:size]) for call, _ in graph.calls() for size in range(1, len(call) + 1)}
+        if not node_among(known, ".".join(parse_address(node).call)):  # fields may follow the node
+            addresses(graph, node)
 
     def _used(self, node: str) -> Entry | None:
         """The entry of a node whose present result is in the store, because another recipe built it."""

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from dextera_build.cli.errors import paint, wants_colour
-from dextera_build.errors import UsageError
+from dextera_build.errors import StoreError, UsageError
 from dextera_build.project.project import Project
 
 _BETWEEN = "  "
@@ -217,3 +217,9 @@ def writing(path: Path, hint: str | None = None) -> Iterator[None]:
         yield
     except OSError as error:
         raise UsageError(f"`{path}` cannot be written: {error.strerror}", code="DXB-U177", hint=hint) from None
+    except StoreError as error:
+        if error.code != "DXB-S102":
+            raise
+        # Files outside the store are written by the same functions.
+        why = error.facts["system says"]
+        raise UsageError(f"`{path}` cannot be written: {why}", code="DXB-U177", hint=hint) from None

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 from dextera_build.calls import secrets
-from dextera_build.errors import Place, UsageError, did_you_mean, nearest
+from dextera_build.errors import DxbError, Place, UsageError, did_you_mean, nearest
 from dextera_build.project.project import LOCK, Project
 
 # A no-op build loads none of these.
@@ -138,14 +139,23 @@ def refuse_unknown(project: Project, name: str) -> None:
         raise no_recipe(project, name)
 
 
+def needs_nothing(project: Project, name: str) -> bool:
+    """Whether a recipe can be built with nothing added: it has no input that must be given."""
+    with suppress(DxbError):  # of a recipe that is wrong by now
+        found = project.recipe(name)
+        return found is not None and all(each.default is not None or each.optional for each in found.inputs.values())
+    return False
+
+
 def no_recipe(project: Project, name: str) -> UsageError:
     """The error for a recipe that does not exist."""
     known = [address for address, _ in project.recipes()]
+    near = nearest(name, known, 8, cutoff=0.5)
     return UsageError(
         f"no recipe is called `{name}`",
         code="DXB-U108",
         facts={
-            "the nearest": ", ".join(nearest(name, known, 8)),
+            **({"the nearest": ", ".join(near)} if near else {}),
             "recipes": f"{len(known)}, `dxb ls` shows all of them",
         },
         hint=did_you_mean(name, known),

@@ -7,6 +7,7 @@ from typing import Any
 
 from dextera_build.code.loader import BackendFile, RuleFile
 from dextera_build.errors import RecipeError, listing
+from dextera_build.recipe.backends import Choice
 from dextera_build.recipe.option_values import checked
 from dextera_build.recipe.schema import CallDecl
 from dextera_build.recipe.strict_yaml import Node
@@ -15,19 +16,41 @@ _WRONG = ("DXB-R105", "DXB-R109")
 """Codes of a wrong name and of a wrong value."""
 
 
-def of(decl: CallDecl, found: RuleFile, backend: BackendFile, given: Mapping[str, Node], node: str) -> Any:
-    """The options of a backend that can be imported, complete with defaults; None if it has none.
+def of_chosen(
+    decl: CallDecl, found: RuleFile, choice: Choice, given: Mapping[str, Node], node: str
+) -> dict[str, dict[str, Any]]:
+    """The options of the chosen backend by its name, complete with defaults.
+
+    The options of others are checked as far as these can be imported.
 
     Args:
         decl: The call.
         found: Its rule.
-        backend: The backend.
+        choice: The chosen backend.
         given: Name of a backend -> its options in the recipe or on the command line.
         node: Address of the call, for hints.
+
+    Returns:
+        Nothing if it has no options, or cannot be imported because something is missing.
 
     Raises:
         RecipeError: An option does not exist or does not fit.
     """
+    for name in sorted(given.keys() & found.backends.keys() - {choice.backend.name}):
+        try:
+            if not found.backends[name].missing():
+                _of(decl, found, found.backends[name], given, node)
+        except RecipeError as error:
+            if error.code in _WRONG:  # what else it lacks, and what is wrong in its file, matters once it is chosen
+                raise
+    own = None if choice.missing else _of(decl, found, choice.backend, given, node)
+    return {} if own is None else {choice.backend.name: own}
+
+
+def _of(
+    decl: CallDecl, found: RuleFile, backend: BackendFile, given: Mapping[str, Node], node: str
+) -> dict[str, Any] | None:
+    """The options of a backend that can be imported; None if it has none."""
     name, kind = backend.name, backend.options
     group = given.get(name)
     if kind is None and group is None:
@@ -45,23 +68,11 @@ def of(decl: CallDecl, found: RuleFile, backend: BackendFile, given: Mapping[str
     return checked(decl, kind, group or Node({}, decl.place), name, node)
 
 
-def refuse_wrong(decl: CallDecl, found: RuleFile, given: Mapping[str, Node], node: str, *, chosen: str) -> None:
-    """Refuse wrong options of the backends that are not chosen, as far as these can be imported; see `of`."""
-    for name in given.keys() & found.backends.keys() - {chosen}:
-        backend = found.backends[name]
-        if backend.missing():
-            continue
-        try:
-            of(decl, found, backend, given, node)
-        except RecipeError as error:
-            if error.code in _WRONG:  # what else it lacks, and what is wrong in its file, matters once it is chosen
-                raise
-
-
-def hint(name: str, backends: Mapping[str, BackendFile]) -> str | None:
-    """The hint for an option that belongs to a backend."""
+def hint(name: str, backends: Mapping[str, BackendFile], node: str = "") -> str | None:
+    """The hint for an option that belongs to a backend, as the recipe spells it, or `--set` of a node."""
     for backend in backends.values():
         kind = None if backend.missing() else backend.options
         if kind is not None and name in kind.model_fields:
-            return f"it is an option of a backend: `{backend.name}: {{{name}: ...}}`"
+            form = f"--set '{node}.{backend.name}.{name}=VALUE'" if node else f"{backend.name}: {{{name}: ...}}"
+            return f"it is an option of a backend: `{form}`"
     return None

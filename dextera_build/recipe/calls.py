@@ -178,20 +178,14 @@ class CallMaker:
         choice = self._choice(found, (changed or {}).get("backend", decl.backend), decl, given_of(bound, scope))
         named = folders.named(self._library, decl, found, arguments)
         facts = self._rule_facts(found, choice, named)
-        self._refuse_unknown(decl, arguments, found, named)
+        self._refuse_unknown(decl, arguments, found, named, ".".join(address))
         inputs = self._inputs(decl, bound, slots, scope)
         given = {name: node for name, node in arguments.items() if name not in slots}
         groups = {*found.backends, *(each.name for each in named.values())}
         own = {name: node for name, node in given.items() if name not in groups}
         options = checked(decl, found.rule.options, Node(own, decl.place), node=".".join(address))
         if choice is not None:
-            node = ".".join(address)
-            if (
-                not choice.missing
-                and (own_of := backend_options.of(decl, found, choice.backend, given, node)) is not None
-            ):
-                options[choice.backend.name] = own_of
-            backend_options.refuse_wrong(decl, found, given, node, chosen=choice.backend.name)
+            options |= backend_options.of_chosen(decl, found, choice, given, ".".join(address))
             self._note_unread(found, applied, choice.backend.name)
         options |= {each.name: folders.options(decl, each, given.get(each.name)) for each in named.values()}
         places = {name: node.place for name, node in given.items()}
@@ -238,19 +232,26 @@ class CallMaker:
         return self._facts[key]
 
     def _refuse_unknown(
-        self, decl: CallDecl, arguments: Mapping[str, Node], found: RuleFile, named: Mapping[str, Companion]
+        self,
+        decl: CallDecl,
+        arguments: Mapping[str, Node],
+        found: RuleFile,
+        named: Mapping[str, Companion],
+        address: str,
     ) -> None:
         slots, options = found.rule.slots, found.rule.options.model_fields
         known = {*slots, *options, *found.backends, *(each.name for each in named.values()), *KEYS}
         for name, node in arguments.items():
             if name not in known:
+                where = decl.keys.get(name, node.place)
+                asked = address if where.file.startswith(COMMAND_LINE.file) else ""
                 of_folder = folders.hint(self._library, found, named, name)
                 raise RecipeError(
                     f"`{decl.rule}` has no input or option `{name}`",
                     code="DXB-R105",
-                    where=decl.keys.get(name, node.place),
+                    where=where,
                     facts={"inputs": listing(slots), "options": listing(options, most=40)},
-                    hint=of_folder or did_you_mean(name, known) or backend_options.hint(name, found.backends),
+                    hint=of_folder or did_you_mean(name, known) or backend_options.hint(name, found.backends, asked),
                 )
 
     def _inputs(

@@ -216,7 +216,7 @@ class _Planner:
             code="DXB-U105",
             where=decl.place,
             facts={"it is": decl.help} if decl.help else None,
-            hint=f"`dxb build {recipe.address} --input {name}=PATH`",
+            hint=f"add `--input {name}=PATH`",
         )
         return self._without(error, name, decl.place)
 

@@ -13,7 +13,7 @@ from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.cli import built
-from dextera_build.cli.look import shown
+from dextera_build.cli.look import result, shown
 from dextera_build.errors import RuleError, UsageError
 from tests import episodes, factories, series
 
@@ -56,6 +56,13 @@ def test_an_episode_is_chosen_by_its_index(session: Any) -> None:
     with pytest.raises(UsageError, match="has no episode `7`") as caught:
         shown.of(session, "sources", "7")
     assert caught.value.facts == {"episodes": "0, 1, 2"}
+
+
+def test_an_episode_of_what_holds_none_is_refused(session: Any) -> None:
+    session.artifacts["made"] = factories.box_asset()
+    for node in ("made", ""):
+        with pytest.raises(UsageError, match="holds no episodes"):
+            shown.of(session, node, "3")
 
 
 def test_a_number_names_the_episode_whatever_its_zeros(session: Any) -> None:
@@ -106,3 +113,18 @@ def test_a_task_recipe_shows_its_task_and_not_the_scene_that_it_reads(
     with pytest.raises(UsageError, match="no scene to show yet") as caught:
         shown.of(session, "")
     assert caught.value.facts == {"missing": "Background, Support"}
+
+
+def test_fields_are_told_in_a_few_digits_and_without_the_marks_of_headers() -> None:
+    store = SimpleNamespace(blobs=SimpleNamespace(has=lambda _: True, get=lambda _: json.dumps(inner)))
+    inner = {"artifact": "Camera", "fields": {"cx": 310.2588195800781, "names": {"$map": {}}}}
+    session: Any = SimpleNamespace(store=store)
+    digest = "d35c" * 16
+    for value, told in (
+        ({"$ref": digest}, "Camera, cx 310.259"),
+        ({"$map": {}}, "none"),
+        ({"$map": {"a": {}, "b": {}}}, "a, b"),
+        ([{"$ref": digest}], '["d35cd35cd35c"]'),
+        ([{"$value": {"name": "mug", "mass_kg": 0.30000001}}], '[{"name": "mug", "mass_kg": 0.3}]'),
+    ):
+        assert result._field(session, value)["told"] == told

@@ -153,3 +153,13 @@ def test_a_setting_of_a_backend_that_no_call_runs_is_told(space):
         "nothing reads"
         not in space.dxb("plan", "say/q", "--set", "t.calm.volume=1", "--backend", "toy.spoken=calm").err
     )
+
+
+def test_an_option_of_a_backend_on_the_command_line_is_spelled_for_it(space):
+    space.write("rules/toy/spoken_quiet.py", QUIET)
+    space.write("recipes/say/q.yaml", Q)
+    for text, hint in (
+        ("t.volume=1", "it is an option of a backend: `--set 't.quiet.volume=VALUE'`"),
+        ("t.quite.volume=1", "did you mean `quiet`?"),
+    ):
+        assert f"hint: {hint}\n" in space.dxb("plan", "say/q", "--set", text).err

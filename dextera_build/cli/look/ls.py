@@ -9,7 +9,7 @@ from functools import partial
 
 from dextera_build.cli import nodes, options, table
 from dextera_build.cli.errors import render, wants_colour
-from dextera_build.errors import DxbError
+from dextera_build.errors import DxbError, UsageError
 from dextera_build.project.project import Project
 from dextera_build.report.wording import moment
 
@@ -49,6 +49,12 @@ def run(args: argparse.Namespace) -> int:
     }
     if args.what not in listings:
         return table.give("ls.nodes", list(nodes.rows(project, args)), as_json=args.json)
+    if flag := next((name for name in ("deps", "rdeps", "stale", "cached") if getattr(args, name)), ""):
+        raise UsageError(
+            f"`--{flag}` is for nodes, and `dxb ls {args.what}` lists none",
+            code="DXB-U215",
+            hint=f"`dxb ls RECIPE --{flag}`",
+        )
     listing, cells = listings[args.what]
     rows, none = list(listing(project)), f"there are no {args.what} here"
     table.give(f"ls.{args.what}", rows, as_json=args.json, cells=[cells(row) for row in rows], none=none)

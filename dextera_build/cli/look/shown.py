@@ -42,21 +42,32 @@ def of(session: Session, node: str, episode: str | None = None) -> Fill:
         UsageError: The recipe has nothing to show, or there is no such episode.
     """
     if not node:
+        _refuse_episode(session.recipe, episode)
         return _recipe(session)
     wanted = part.named(session, node)
     fetch.bring(session, [wanted.node] if wanted.node in session.history else [])
     artifact = part.artifact(session, wanted)
+    if isinstance(artifact, Episodes | Trials) and not wanted.fields:
+        return _episodes(session, node, artifact, episode)
+    _refuse_episode(f"{session.recipe}:{node}", episode)
     if wanted.fields:
         return _plain(artifact, node)
     if isinstance(artifact, TaskBundle):
         return _task(session, node, artifact)
-    if isinstance(artifact, Episodes | Trials):
-        return _episodes(session, node, artifact, episode)
     if isinstance(artifact, Scene):
         return _written(session, node, artifact)
     if isinstance(artifact, RobotModel):
         return _robot(node, artifact)
     return _plain(artifact, node)
+
+
+def _refuse_episode(target: str, episode: str | None) -> None:
+    if episode is not None:
+        raise UsageError(
+            f"`{target}` holds no episodes",
+            code="DXB-U324",
+            hint="`dxb ls RECIPE` lists nodes; `--episode` is for episodes",
+        )
 
 
 def _plain(artifact: Any, node: str) -> Fill:

@@ -92,6 +92,12 @@ def _backends(prefix: str, **_: Any) -> list[str]:
     return [f"{rule}={name}" for name in found[rule].backends] if rule in found else []
 
 
+def _codes() -> list[str]:
+    from dextera_build.explain import error_codes
+
+    return error_codes.explained()
+
+
 def _words(*words: str) -> Callable[..., list[str]]:
     return lambda **_: list(words)
 
@@ -104,7 +110,7 @@ _COMPLETERS: dict[str, Callable[..., object]] = {
     **dict.fromkeys(("RECIPE[:TARGET]", "RECIPE[:NODE]", "RECIPE:NODE", "A", "B"), _targets),
     "RECIPE[:NODE]|RULE|RUN|CALL": _or_targets(_rules),
     "WHAT": _or_targets(_words("recipes", "rules", "backends", "profiles", "runs", "divergent", "calls")),
-    "VERB|CODE|RULE|TYPE": lambda **_: [*VERBS, *_rules()],
+    "VERB|CODE|RULE|TYPE": lambda **_: [*VERBS, *_codes(), *_rules()],
     "RUN|RECIPE": _runs,
     "NODE": _in_run,
     "RULE=NAME": _backends,

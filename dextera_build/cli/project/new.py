@@ -132,7 +132,17 @@ def run(args: argparse.Namespace) -> int:
         print(f"  {line}", file=sys.stderr)
     if note:
         print(f"note: {note}", file=sys.stderr)
+    print(f"  {_next(args.kind, args.name)}", file=sys.stderr)
     return 0
+
+
+def _next(kind: str, name: str) -> str:
+    """What to do with a new file."""
+    if kind == "recipe":
+        return f"edit it, then: dxb check {name}, dxb build {name} --input capture=FOLDER"
+    if kind == "rule":
+        return f"edit it, then use it in a recipe: `NODE: {{rule: {name}, image: $...}}`; dxb show {name}"
+    return f"edit it, then: dxb build RECIPE --backend {name}"
 
 
 def _hidden(project: Project, kind: str, name: str) -> list[str]:
@@ -164,10 +174,12 @@ def _made_elsewhere(args: argparse.Namespace) -> Callable[[argparse.Namespace], 
     if args.kind in new_seen.KINDS:
         return new_seen.run
     if args.object or args.out or options.added(args):
+        joined = args.kind == "backend" and args.object and "=" not in args.name
+        wanted = f"{args.name}={args.object}" if joined else args.name
         raise UsageError(
             f"a {args.kind} takes its name and nothing else",
             code="DXB-U215",
-            hint=f"`dxb new {args.kind} {args.name}`; `-o`, an object and changes to a recipe are for scenes and masks",
+            hint=f"`dxb new {args.kind} {wanted}`; `-o`, an object and changes to a recipe are for scenes and masks",
         )
     return None
 
