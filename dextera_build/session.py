@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest as digests
 from dextera_build.errors import DxbError, RuleError, UsageError, did_you_mean, listing
-from dextera_build.project.planning import Added, Planning, needs_nothing, refuse_unknown
+from dextera_build.project.planning import Added, Planning, inputs_to_give, refuse_unknown
 from dextera_build.project.project import LOCK, Project
 from dextera_build.redact import redact
 from dextera_build.runs.snapshot import LAST
@@ -120,7 +120,8 @@ class Session:
         if last == own or (profile and not last.startswith(f"@{profile}+")) or not self._is_answered_by(last, own):
             return own
         told = last[1:].rpartition("-")[0]
-        instead = f"; `dxb build {self.recipe}` builds it without" if needs_nothing(self.project, self.recipe) else ""
+        needs = inputs_to_give(self.project, self.recipe)
+        instead = "" if needs else f"; `dxb build {self.recipe}` builds it without"
         notices[f"`{self.recipe}` as built with {told}{instead}"] = None
         return last
 
@@ -274,7 +275,7 @@ class Session:
                 f"`{self.recipe}:{node}` was never built here",
                 code="DXB-U109",
                 facts={**({"request": self.variant[1:]} if self.variant else {}), "built": listing(known)},
-                hint=did_you_mean(node, known) or f"`dxb build '{self.recipe}:{node}'`",
+                hint=did_you_mean(node, known) or self._to_build(node),
             )
         return self.history[node]
 
@@ -289,6 +290,9 @@ class Session:
         known = {".".join(call[:size]) for call, _ in graph.calls() for size in range(1, len(call) + 1)}
         if not node_among(known, ".".join(parse_address(node).call)):  # fields may follow the node
             addresses(graph, node)
+
+    def _to_build(self, node: str) -> str:
+        return f"`dxb build '{self.recipe}:{node}'{inputs_to_give(self.project, self.recipe)}`"
 
     def _used(self, node: str) -> Entry | None:
         """The entry of a node whose present result is in the store, because another recipe built it."""
@@ -315,9 +319,7 @@ class Session:
         found = self.store.actions.find(self.past(node).key)
         if found is None or not found.is_whole:
             state = "was built, but the store no longer holds it" if found is None else f"is known, but {NO_BYTES}"
-            raise RuleError(
-                f"`{self.recipe}:{node}` {state}", code="DXB-B401", hint=f"`dxb build '{self.recipe}:{node}'`"
-            )
+            raise RuleError(f"`{self.recipe}:{node}` {state}", code="DXB-B401", hint=self._to_build(node))
         return found.result.output
 
     def is_bare(self, key: str) -> bool:

@@ -139,12 +139,14 @@ def refuse_unknown(project: Project, name: str) -> None:
         raise no_recipe(project, name)
 
 
-def needs_nothing(project: Project, name: str) -> bool:
-    """Whether a recipe can be built with nothing added: it has no input that must be given."""
-    with suppress(DxbError):  # of a recipe that is wrong by now
+def inputs_to_give(project: Project, name: str) -> str:
+    """` --input NAME=PATH` for each input of a recipe that must be given; "" for none, and if the recipe is wrong."""
+    with suppress(DxbError):
         found = project.recipe(name)
-        return found is not None and all(each.default is not None or each.optional for each in found.inputs.values())
-    return False
+        inputs = found.inputs if found is not None else {}
+        needed = [each for each, decl in inputs.items() if decl.default is None and not decl.optional]
+        return "".join(f" --input {each}=PATH" for each in needed)
+    return ""
 
 
 def no_recipe(project: Project, name: str) -> UsageError:

@@ -13,7 +13,7 @@ from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.cli import built
-from dextera_build.cli.look import result, shown
+from dextera_build.cli.look import result, show, shown
 from dextera_build.errors import RuleError, UsageError
 from tests import episodes, factories, series
 
@@ -21,7 +21,8 @@ from tests import episodes, factories, series
 @pytest.fixture
 def session(monkeypatch: pytest.MonkeyPatch) -> Any:
     """A recipe `task/lift` whose nodes were made from what a test puts into `behind`, nearest first."""
-    made = SimpleNamespace(recipe="task/lift", artifacts={}, behind=[], history={}, bare=set())
+    project = SimpleNamespace(recipe=lambda name: None)
+    made = SimpleNamespace(project=project, recipe="task/lift", artifacts={}, behind=[], history={}, bare=set())
 
     def found(session: Any, node: str, kind: type[Artifact]) -> Iterator[tuple[str, Artifact]]:
         yield from ((address, each) for address, each in made.behind if isinstance(each, kind))
@@ -128,3 +129,8 @@ def test_fields_are_told_in_a_few_digits_and_without_the_marks_of_headers() -> N
         ([{"$value": {"name": "mug", "mass_kg": 0.30000001}}], '[{"name": "mug", "mass_kg": 0.3}]'),
     ):
         assert result._field(session, value)["told"] == told
+
+
+def test_a_narrow_terminal_gets_the_first_digits_of_digests() -> None:
+    rows = [{"name": "key", "value": "d35c" * 16}, {"name": "line", "value": "a deadbeef word"}]
+    assert show.shortened(rows) == [{"name": "key", "value": "d35cd35cd35c"}, rows[1]]

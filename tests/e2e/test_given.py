@@ -74,6 +74,7 @@ def test_what_needs_an_input_is_not_said_to_be_built_without(here: Here, counts:
     counts.edit("recipes/g.yaml", "{l: data}", "{l: {help: a number}}")
     assert here("build", "g:a0", "--input", "l=data")[0] == 0
     assert here("show", "g:a0")[2] == "`g` as built with l=data\n"
+    assert "hint: `dxb build 'g:a1' --input l=PATH`\n" in here("get", "g:a1")[2]
 
 
 def test_a_report_of_a_run_says_nothing_of_another(here: Here) -> None:

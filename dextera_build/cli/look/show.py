@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 import os
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.building import part
@@ -20,6 +21,9 @@ from dextera_build.project.planning import refuse_unknown
 if TYPE_CHECKING:
     from dextera_build.project.project import Project
     from dextera_build.session import Session
+
+
+_DIGEST = re.compile(r"\b([0-9a-f]{12})[0-9a-f]{52}\b")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -83,9 +87,11 @@ def run(args: argparse.Namespace) -> int:
     wanted = part.named(session, node)
     if wanted.fields:
         found = result.part_of(session, wanted)
-        return table.give("show.part", found, as_json=args.json, cells=_named(result.part_text(found)))
+        cells = _named(result.part_text(found))
+        return table.give("show.part", found, as_json=args.json, cells=cells, narrow=shortened(cells))
     found = result.node(session, node)
-    return table.give("show.node", found, as_json=args.json, cells=_named(result.node_text(found)))
+    cells = _named(result.node_text(found))
+    return table.give("show.node", found, as_json=args.json, cells=cells, narrow=shortened(cells))
 
 
 def _refuse_unused(args: argparse.Namespace) -> None:
@@ -107,6 +113,11 @@ def _refuse_unused(args: argparse.Namespace) -> None:
 
 def _named(rows: Mapping[str, str]) -> list[dict[str, str]]:
     return [{"name": name, "value": value} for name, value in rows.items()]
+
+
+def shortened(cells: Sequence[Mapping[str, str]]) -> list[dict[str, str]]:
+    """The same for a narrow terminal, with the first digits of each digest: a broken one cannot be copied."""
+    return [{name: _DIGEST.sub(r"\1", value) for name, value in row.items()} for row in cells]
 
 
 def _trace(project: Project, run: str | None) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from dextera_build.engine.graph import parse_address
 from dextera_build.errors import RuleError, UsageError, listing
 from dextera_build.explain import ancestors
 from dextera_build.policy.robot_run import REAL
-from dextera_build.project.planning import refuse_unknown
+from dextera_build.project.planning import inputs_to_give, refuse_unknown
 from dextera_build.report.wording import count
 from dextera_build.session import Session, notices
 
@@ -186,15 +186,16 @@ def _recipe(session: Session) -> Fill:
 
 def _nothing(session: Session, missing: list[str]) -> UsageError:
     """The error for a recipe without anything to show; `missing` is empty if no build of it is known."""
+    build = f"dxb build {session.recipe}{inputs_to_give(session.project, session.recipe)}"
     if missing:
         return UsageError(
             f"`{session.recipe}` has no scene to show yet, and neither a task nor a robot",
             code="DXB-U113",
             facts={"missing": ", ".join(missing)},
-            hint=f"`dxb build {session.recipe}`, or name a node: `dxb view {session.recipe}:NODE`",
+            hint=f"`{build}`, or name a node: `dxb view {session.recipe}:NODE`",
         )
     refuse_unknown(session.project, session.recipe)
-    return UsageError(f"`{session.recipe}` was never built here", code="DXB-U113", hint=f"`dxb build {session.recipe}`")
+    return UsageError(f"`{session.recipe}` was never built here", code="DXB-U113", hint=f"`{build}`")
 
 
 def _as_written(session: Session, nodes: dict[str, list[str]], bare: list[str]) -> Fill:
