@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest as digests
 from dextera_build.errors import DxbError, RuleError, UsageError, did_you_mean, listing
-from dextera_build.project.planning import Added, Planning, refuse_unknown
+from dextera_build.project.planning import Added, Planning, inputs_to_give, refuse_unknown
 from dextera_build.project.project import LOCK, Project
 from dextera_build.redact import redact
 from dextera_build.runs.snapshot import LAST
@@ -63,6 +63,7 @@ class Session:
             that was built successfully, with a line in `notices`; a profile set in the environment must match it.
         node: The node that is read, perhaps with fields behind it; "" if the whole recipe is.
         names: Bindings to use instead of those of `dxb.lock`.
+        variant: The request's `variant`, if a run says it.
     """
 
     def __init__(
@@ -75,11 +76,13 @@ class Session:
         last: bool = False,
         node: str = "",
         names: Bindings | None = None,
+        variant: str | None = None,
     ) -> None:
         self.project = project
         self.recipe = recipe
         self.added = added or Added()
         self._makes, self._last, self._node, self._names = makes, last, node, names
+        self._variant = variant
 
     @cached_property
     def store(self) -> Store:
@@ -106,6 +109,8 @@ class Session:
     @cached_property
     def variant(self) -> str:
         """Suffix that separates a request's files and history from the recipe's default: `@gpu-1a2b3c4d`, or ""."""
+        if self._variant is not None:
+            return self._variant
         project = self.project
         profile = project.profile if project.profile != project.own_profile else ""
         own = variant_of(profile, self.added)
@@ -115,7 +120,9 @@ class Session:
         if last == own or (profile and not last.startswith(f"@{profile}+")) or not self._is_answered_by(last, own):
             return own
         told = last[1:].rpartition("-")[0]
-        notices[f"`{self.recipe}` as built with {told}; `dxb build {self.recipe}` builds it without"] = None
+        needs = inputs_to_give(self.project, self.recipe)
+        instead = "" if needs else f"; `dxb build {self.recipe}` builds it without"
+        notices[f"`{self.recipe}` as built with {told}{instead}"] = None
         return last
 
     def _is_answered_by(self, last: str, own: str) -> bool:
@@ -262,14 +269,30 @@ class Session:
             self.history[node] = found
         if node not in self.history:
             refuse_unknown(self.project, self.recipe)
+            self._refuse_unplanned(node)
             known = sorted(self.history)
             raise UsageError(
                 f"`{self.recipe}:{node}` was never built here",
                 code="DXB-U109",
                 facts={**({"request": self.variant[1:]} if self.variant else {}), "built": listing(known)},
-                hint=did_you_mean(node, known) or f"`dxb build '{self.recipe}:{node}'`",
+                hint=did_you_mean(node, known) or self._to_build(node),
             )
         return self.history[node]
+
+    def _refuse_unplanned(self, node: str) -> None:
+        """Raise the error of a node that the recipe does not have, if the recipe can be planned."""
+        from dextera_build.engine.graph import parse_address
+
+        try:
+            graph = self.plan(incomplete=True).graph
+        except DxbError:
+            return
+        known = {".".join(call[:size]) for call, _ in graph.calls() for size in range(1, len(call) + 1)}
+        if not node_among(known, ".".join(parse_address(node).call)):  # fields may follow the node
+            addresses(graph, node)
+
+    def _to_build(self, node: str) -> str:
+        return f"`dxb build '{self.recipe}:{node}'{inputs_to_give(self.project, self.recipe)}`"
 
     def _used(self, node: str) -> Entry | None:
         """The entry of a node whose present result is in the store, because another recipe built it."""
@@ -296,9 +319,7 @@ class Session:
         found = self.store.actions.find(self.past(node).key)
         if found is None or not found.is_whole:
             state = "was built, but the store no longer holds it" if found is None else f"is known, but {NO_BYTES}"
-            raise RuleError(
-                f"`{self.recipe}:{node}` {state}", code="DXB-B401", hint=f"`dxb build '{self.recipe}:{node}'`"
-            )
+            raise RuleError(f"`{self.recipe}:{node}` {state}", code="DXB-B401", hint=self._to_build(node))
         return found.result.output
 
     def is_bare(self, key: str) -> bool:

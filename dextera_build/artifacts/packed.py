@@ -47,8 +47,8 @@ def pack(artifact: Artifact) -> bytes:
     return written.getvalue()
 
 
-def unpack(kind: type[A], data: bytes) -> A:
-    """The artifact in a file written by `pack`.
+def unpack(kind: type[A], data: bytes, name: str = "this") -> A:
+    """The artifact in a file written by `pack`; errors call the file `name`.
 
     Raises:
         ArtifactError: The file is damaged, has another type, or unpacks to more than 1 GiB.
@@ -59,7 +59,7 @@ def unpack(kind: type[A], data: bytes) -> A:
             root = archive.read(ROOT).decode("ascii")
             return kind.decode(root, lambda key: _blob(archive, key))
     except _UNREADABLE as error:
-        raise ArtifactError(f"this is not a packed {kind.name()}", code="DXB-A109", facts={"why": error}) from None
+        raise ArtifactError(f"{name} is not a packed {kind.name()}", code="DXB-A109", facts={"why": error}) from None
 
 
 def _forbid_bombs(archive: zipfile.ZipFile) -> None:

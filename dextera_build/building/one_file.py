@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from dextera_build.artifacts.base import Artifact, File, Folder
@@ -12,8 +12,13 @@ from dextera_build.formats import stage_files
 from dextera_build.formats.registry import suffixes
 
 
-def write(artifact: Artifact, path: Path) -> list[Path]:
+def write(artifact: Artifact, path: Path, told: Callable[[str], None] = lambda text: None) -> list[Path]:
     """Write an artifact, or its one part that has a format with this suffix, as `path`; returns all files.
+
+    Args:
+        artifact: The artifact.
+        path: The file.
+        told: Takes the line that says which part was written.
 
     Raises:
         UsageError: No part, or more than one, can be written in this form.
@@ -27,6 +32,8 @@ def write(artifact: Artifact, path: Path) -> list[Path]:
     while level:
         found = [part for part in level if suffix in suffixes(type(part))]
         if len(found) == 1:
+            if found[0] is not artifact:
+                told(f"`{path}` is the {found[0].name()} in {artifact.name()}, and nothing else of it")
             return found[0].save(path)
         if found:
             raise _refused(artifact, path, forms, f"it holds {len(found)} parts of that form")
@@ -66,5 +73,5 @@ def _refused(artifact: Artifact, path: Path, forms: Iterable[str], why: str) -> 
         f"{artifact.name()} cannot be written as `{path.name}`: {why}",
         code="DXB-U220",
         facts={"one file": listing(forms)} if forms else None,
-        hint=f"`-o {path}/` writes a folder with all of its files",
+        hint=f"`-o {path.with_suffix('')}/` writes a folder with all of its files",
     )

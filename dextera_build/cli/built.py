@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 from dextera_build.cli import options
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
+    from collections.abc import Collection, Iterable, Iterator
 
     from dextera_build.artifacts.base import Artifact
     from dextera_build.artifacts.tasks.policy import Checkpoint
@@ -18,9 +18,12 @@ if TYPE_CHECKING:
     from dextera_build.code.companions import Companion
     from dextera_build.policy.added import AddedTerm
     from dextera_build.policy.running import Runner
+    from dextera_build.runs.events import NodeFinished
     from dextera_build.session import Session
 
 T = TypeVar("T", bound="Artifact")
+PARTS = ("Background", "Support", "Capture")
+"""Artifacts that a twin's scene needs."""
 
 
 def named(session: Session, node: str) -> str:
@@ -91,15 +94,28 @@ def own_task(session: Session) -> tuple[str, TaskBundle] | None:
 
 def by_type(session: Session) -> dict[str, list[str]]:
     """Artifact type -> the recipe's own nodes of the last build that returned one, with or without bytes."""
-    from dextera_build.artifacts.core.identity import parse
-
     found: dict[str, list[str]] = {}
     for node in session.last_nodes:
         result = session.store.actions.find(session.past(node).key)
         if result is not None:  # else it is no longer in the store
-            header = json.loads(session.store.blobs.get(result.result.output))
-            found.setdefault(parse(header["artifact"])[0], []).append(node)
+            found.setdefault(_type_of(session, result.result.output), []).append(node)
     return found
+
+
+def _type_of(session: Session, output: str) -> str:
+    """The name of a result's type."""
+    from dextera_build.artifacts.core.identity import parse
+
+    return parse(json.loads(session.store.blobs.get(output))["artifact"])[0]
+
+
+def is_viewed(session: Session, nodes: Iterable[NodeFinished]) -> bool:
+    """Whether `dxb view RECIPE` shows what a run made: its task, its robot, or a twin's scene."""
+    # The results of a rule are of one type, so one of them is looked at.
+    made = {(node.rule, ":" in node.node): node.output for node in nodes if node.output}
+    kinds = {(_type_of(session, output), foreign) for (_, foreign), output in made.items()}
+    own = {kind for kind, foreign in kinds if not foreign}
+    return bool(own & {"TaskBundle", "RobotModel"}) or {*PARTS} <= {kind for kind, _ in kinds}
 
 
 def artifact(args: argparse.Namespace, target: str, kind: type[T]) -> T:

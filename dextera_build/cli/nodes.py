@@ -82,6 +82,7 @@ def rows(project: Project, args: argparse.Namespace) -> Iterator[Row]:
         UsageError: No node matches.
     """
     from dextera_build.cli import options
+    from dextera_build.engine.graph import Address, parse_address
     from dextera_build.explain.upstream import Upstream
     from dextera_build.project.planning import no_recipe
     from dextera_build.session import Session
@@ -102,6 +103,8 @@ def rows(project: Project, args: argparse.Namespace) -> Iterator[Row]:
                 continue
             raise
         nodes = planned(session, graph)
+        order = ranks(graph, [Address(call) for call, _ in graph.calls()])
+        nodes = dict(sorted(nodes.items(), key=lambda row: order.get(parse_address(row[0]).call, len(order))))
         seen |= nodes.keys()
         found = [name for name in nodes if _matches(name, glob or "*")]
         matched = matched or bool(found)

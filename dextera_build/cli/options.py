@@ -84,6 +84,15 @@ def number(flag: str, least: float, most: float, *, above: bool = False) -> Call
     return read
 
 
+def port(text: str) -> int:
+    """The value of `--port`: a TCP port, or 0 for a free one."""
+    if not text.isdecimal() or int(text) > 65535:
+        raise UsageError(
+            f"`--port {text}` is no port from 0 to 65535", code="DXB-U347", hint="`--port 0` takes a free one"
+        )
+    return int(text)
+
+
 def json_argument(parser: argparse.ArgumentParser) -> None:
     """Add `--json`."""
     parser.add_argument("--json", action="store_true", help="print one JSON document, with its name and version")

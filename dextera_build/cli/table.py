@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from dextera_build.cli.errors import paint, wants_colour
-from dextera_build.errors import UsageError
+from dextera_build.errors import StoreError, UsageError
 from dextera_build.project.project import Project
 
 _BETWEEN = "  "
@@ -37,6 +37,7 @@ def give(
     as_json: bool,
     cells: Sequence[Mapping[str, Any]] | None = None,
     narrow: Sequence[Mapping[str, str]] | None = None,
+    none: str = "",
 ) -> int:
     """Print a document of `cli.documents` as JSON, or a table; return the exit code.
 
@@ -46,8 +47,11 @@ def give(
         as_json: Whether to print JSON.
         cells: Rows of the table; default: `content`.
         narrow: See `show`.
+        none: What standard error gets in place of a table without rows.
     """
-    if as_json:
+    if none and not content and not as_json:
+        print(none, file=sys.stderr)
+    elif as_json:
         print(spelled(document, content, indent=1))
     elif cells is not None:
         show(cells, narrow)
@@ -213,3 +217,9 @@ def writing(path: Path, hint: str | None = None) -> Iterator[None]:
         yield
     except OSError as error:
         raise UsageError(f"`{path}` cannot be written: {error.strerror}", code="DXB-U177", hint=hint) from None
+    except StoreError as error:
+        if error.code != "DXB-S102":
+            raise
+        # Files outside the store are written by the same functions.
+        why = error.facts["system says"]
+        raise UsageError(f"`{path}` cannot be written: {why}", code="DXB-U177", hint=hint) from None

@@ -221,7 +221,7 @@ class Library:
         self.asked: set[str] = set()
         """Companions that were looked for, missing ones included."""
         self.warnings: dict[str, str] = {}
-        """Warnings about modules whose versions are in no key, by module."""
+        """Warnings by what they are about: modules whose versions are in no key, settings that nothing reads."""
         self.since_ns = time.time_ns()
         """No source was read before [ns since the epoch], but those that are as they were."""
         IMPORTER.forget_changed()

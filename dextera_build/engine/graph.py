@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, get_args
 
-from dextera_build.errors import Place, UsageError, did_you_mean, listing
+from dextera_build.errors import DxbError, Place, UsageError, did_you_mean, listing
 from dextera_build.workers.capacity import Needs
 from dextera_build.workers.protocol import Task
 from dextera_build.workers.retries import Retries
@@ -317,8 +317,8 @@ class Plan:
     graph: Graph
     recipes: tuple[Path, ...]
     rules: tuple[RuleFacts, ...]
-    absent: tuple[UsageError, ...] = ()
-    """An error for each required input that is not given; without these, nothing can be looked up or run."""
+    absent: tuple[DxbError, ...] = ()
+    """An error for each required input that is not given or not there; without them, nothing is looked up or run."""
     kinds: Mapping[str, str] = field(default_factory=dict)
     """Path that an input names or might name -> `File`, `Folder`, or "" if nothing was there."""
 

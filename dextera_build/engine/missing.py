@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from dextera_build.engine.graph import RuleFacts
-from dextera_build.errors import MachineError, UsageError
+from dextera_build.errors import DxbError, MachineError, UsageError
 
 
 def refuse(rules: Iterable[RuleFacts]) -> None:
@@ -30,7 +30,7 @@ def refuse(rules: Iterable[RuleFacts]) -> None:
     )
 
 
-def refuse_incomplete(absent: Sequence[UsageError], rules: Iterable[RuleFacts]) -> None:
+def refuse_incomplete(absent: Sequence[DxbError], rules: Iterable[RuleFacts]) -> None:
     """Refuse a plan without required inputs; missing backends are listed in the same message.
 
     Args:
@@ -38,7 +38,7 @@ def refuse_incomplete(absent: Sequence[UsageError], rules: Iterable[RuleFacts]) 
         rules: Rules of the nodes.
 
     Raises:
-        UsageError: Always.
+        DxbError: Always.
     """
     lacking = _lacking(rules)
     if len(absent) == 1 and not lacking:

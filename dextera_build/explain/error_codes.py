@@ -53,6 +53,12 @@ def section(code: str) -> list[str]:
     return re.split(r"\n\n(?!\s*\n)", found[1].strip()) if found else []
 
 
+def explained() -> list[str]:
+    """The codes that have a section."""
+    text = (PACKAGE / "docs" / "common_errors.md").read_text(encoding="utf-8")
+    return re.findall(r"^## (DXB-\w+)$", text, re.MULTILINE)
+
+
 def family(letter: str) -> type[errors.DxbError]:
     """The class of the errors whose codes begin with `DXB-<letter>`."""
     known = [kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, errors.DxbError)]

@@ -14,11 +14,12 @@ Events = list[dict[str, Any]]
 
 
 def runs(project: Project) -> Iterator[dict[str, Any]]:
-    """One row per run, newest first."""
-    from dextera_build.runs import log
+    """One row per run of this project, newest first."""
+    from dextera_build.project.workspace import workspace
+    from dextera_build.runs import log, workspaces
 
     store = reading(project)
-    for run in reversed(log.runs(store)):
+    for run in log.those(store, workspace=workspaces.mark(workspace(project))):
         events = log.read(store, run)
         start = next((event for event in events if event["event"] == "run_started"), None)
         end = next((event for event in events if event["event"] == "run_finished"), None)

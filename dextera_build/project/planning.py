@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 from dextera_build.calls import secrets
-from dextera_build.errors import Place, UsageError, did_you_mean, nearest
+from dextera_build.errors import DxbError, Place, UsageError, did_you_mean, nearest
 from dextera_build.project.project import LOCK, Project
 
 # A no-op build loads none of these.
@@ -138,14 +139,25 @@ def refuse_unknown(project: Project, name: str) -> None:
         raise no_recipe(project, name)
 
 
+def inputs_to_give(project: Project, name: str) -> str:
+    """` --input NAME=PATH` for each input of a recipe that must be given; "" for none, and if the recipe is wrong."""
+    with suppress(DxbError):
+        found = project.recipe(name)
+        inputs = found.inputs if found is not None else {}
+        needed = [each for each, decl in inputs.items() if decl.default is None and not decl.optional]
+        return "".join(f" --input {each}=PATH" for each in needed)
+    return ""
+
+
 def no_recipe(project: Project, name: str) -> UsageError:
     """The error for a recipe that does not exist."""
     known = [address for address, _ in project.recipes()]
+    near = nearest(name, known, 8, cutoff=0.5)
     return UsageError(
         f"no recipe is called `{name}`",
         code="DXB-U108",
         facts={
-            "the nearest": ", ".join(nearest(name, known, 8)),
+            **({"the nearest": ", ".join(near)} if near else {}),
             "recipes": f"{len(known)}, `dxb ls` shows all of them",
         },
         hint=did_you_mean(name, known),

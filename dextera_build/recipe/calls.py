@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from dextera_build.code.code_digest import EXCHANGE, FILE
 from dextera_build.code.companions import Companion, Companions, each_of, paths_of
 from dextera_build.code.distributions import version_of
-from dextera_build.code.loader import BackendFile, Library, RuleFile
+from dextera_build.code.loader import Library, RuleFile
 from dextera_build.engine.graph import Call, Input, Item, Leaf, Output, Pack, RuleFacts
 from dextera_build.errors import (
     ArtifactError,
@@ -22,7 +22,7 @@ from dextera_build.errors import (
     listing,
     smallest_extra,
 )
-from dextera_build.recipe import files, folders, matrix
+from dextera_build.recipe import backend_options, files, folders, matrix
 from dextera_build.recipe.backends import Choice, Wish, choose, given_of, taking, with_used
 from dextera_build.recipe.kinds import fits, parameters, type_name
 from dextera_build.recipe.option_values import checked
@@ -64,6 +64,9 @@ class CallMaker:
         self._settings = settings
         self.fallback = False
         """Whether a profile's next backend may take the place of a missing one."""
+        self._is_read: set[str] = set()
+        self._unread: dict[str, str] = {}
+        """Setting of a backend that some call does not run -> the warning."""
         self._facts: dict[tuple[str, ...], RuleFacts] = {}
         self._chosen: dict[int, tuple[RuleFile, Choice | None, Companions]] = {}
         """Identity of facts -> their owner."""
@@ -163,25 +166,43 @@ class CallMaker:
         """The call of a declaration; with `changed` and `label`, the call of a single copy of its group."""
         found = self.rule_file(decl)
         arguments = {**decl.arguments, **{k: v for k, v in (changed or {}).items() if k != "backend"}}
-        for setting in self._settings:
-            if setting.call == address and (all(s is None for s in setting.labels) or label in setting.labels):
-                put(arguments, setting.option, setting.value)
+        applied = [
+            setting
+            for setting in self._settings
+            if setting.call == address and (all(s is None for s in setting.labels) or label in setting.labels)
+        ]
+        for setting in applied:
+            put(arguments, setting.option, setting.value)
         slots = found.rule.slots
         bound = {name: node for name, node in arguments.items() if name in slots}
         choice = self._choice(found, (changed or {}).get("backend", decl.backend), decl, given_of(bound, scope))
         named = folders.named(self._library, decl, found, arguments)
         facts = self._rule_facts(found, choice, named)
-        self._refuse_unknown(decl, arguments, found, named)
+        self._refuse_unknown(decl, arguments, found, named, ".".join(address))
         inputs = self._inputs(decl, bound, slots, scope)
         given = {name: node for name, node in arguments.items() if name not in slots}
         groups = {*found.backends, *(each.name for each in named.values())}
         own = {name: node for name, node in given.items() if name not in groups}
         options = checked(decl, found.rule.options, Node(own, decl.place), node=".".join(address))
-        if choice is not None and (of_backend := self._own_options(decl, choice, given, address)) is not None:
-            options[choice.backend.name] = of_backend
+        if choice is not None:
+            options |= backend_options.of_chosen(decl, found, choice, given, ".".join(address))
+            self._note_unread(found, applied, choice.backend.name)
         options |= {each.name: folders.options(decl, each, given.get(each.name)) for each in named.values()}
         places = {name: node.place for name, node in given.items()}
         return Call(address[-1], facts, options, inputs, decl.place, places, decl.salt, decl.on_failure)
+
+    def _note_unread(self, found: RuleFile, applied: Iterable[Setting], chosen: str) -> None:
+        """Note the settings that this call reads, and those for another backend than the chosen one."""
+        for setting in applied:
+            group = setting.option[0]
+            if group in found.backends and group != chosen:
+                self._unread[setting.text] = f"nothing reads `--set {setting.text}`: {found.path} runs `{chosen}`"
+            else:
+                self._is_read.add(setting.text)
+
+    def warn_unread(self) -> None:
+        """Warn of settings that no call reads."""
+        self._library.warnings.update({t: told for t, told in self._unread.items() if t not in self._is_read})
 
     def _choice(self, found: RuleFile, wanted: Node | None, decl: CallDecl, inputs: Iterable[str]) -> Choice | None:
         wish = self._backends.get(found.path)
@@ -190,27 +211,6 @@ class CallMaker:
         if wish is None and (names := taking(found, inputs, self._profile)):
             wish = Wish(names, f"given `{'`, `'.join(found.backends[names[0]].facts.takes)}`", decl.place)
         return choose(found, wish, self._profile, decl.place, self._library.machine, fallback=self.fallback)
-
-    def _own_options(
-        self, decl: CallDecl, choice: Choice, given: Mapping[str, Node], address: Address
-    ) -> dict[str, Any] | None:
-        """The options of the backend; None if it has none, or cannot be imported because something is missing."""
-        name = choice.backend.name
-        kind = None if choice.missing else choice.backend.options
-        if kind is None:
-            if name in given and not choice.missing:
-                raise RecipeError(
-                    f"backend `{name}` of `{decl.rule}` has no options",
-                    code="DXB-R105",
-                    where=given[name].place,
-                    facts={"options of the rule": listing(self.rule_file(decl).rule.options.model_fields, most=40)},
-                )
-            return None
-        group = given.get(name)
-        if group is not None and not isinstance(group.value, dict):
-            text = f"`{name}` of `{decl.rule}` is a mapping of options, this is {group.kind}"
-            raise RecipeError(text, code="DXB-R109", where=group.place)
-        return checked(decl, kind, group or Node({}, decl.place), name, ".".join(address))
 
     def _rule_facts(self, found: RuleFile, choice: Choice | None, named: Mapping[str, Companion]) -> RuleFacts:
         chosen = (choice.backend.name, choice.why) if choice else ("", "")
@@ -232,19 +232,26 @@ class CallMaker:
         return self._facts[key]
 
     def _refuse_unknown(
-        self, decl: CallDecl, arguments: Mapping[str, Node], found: RuleFile, named: Mapping[str, Companion]
+        self,
+        decl: CallDecl,
+        arguments: Mapping[str, Node],
+        found: RuleFile,
+        named: Mapping[str, Companion],
+        address: str,
     ) -> None:
         slots, options = found.rule.slots, found.rule.options.model_fields
         known = {*slots, *options, *found.backends, *(each.name for each in named.values()), *KEYS}
         for name, node in arguments.items():
             if name not in known:
+                where = decl.keys.get(name, node.place)
+                asked = address if where.file.startswith(COMMAND_LINE.file) else ""
                 of_folder = folders.hint(self._library, found, named, name)
                 raise RecipeError(
                     f"`{decl.rule}` has no input or option `{name}`",
                     code="DXB-R105",
-                    where=decl.keys.get(name, node.place),
+                    where=where,
                     facts={"inputs": listing(slots), "options": listing(options, most=40)},
-                    hint=of_folder or did_you_mean(name, known) or _of_backend(name, found.backends),
+                    hint=of_folder or did_you_mean(name, known) or backend_options.hint(name, found.backends, asked),
                 )
 
     def _inputs(
@@ -320,15 +327,6 @@ def facts_of(
         missing=choice.missing if choice else (),
         hint=choice.hint if choice else None,
     )
-
-
-def _of_backend(name: str, backends: Mapping[str, BackendFile]) -> str | None:
-    """The hint for an option that belongs to a backend."""
-    for backend in backends.values():
-        kind = None if backend.missing() else backend.options
-        if kind is not None and name in kind.model_fields:
-            return f"it is an option of a backend: `{backend.name}: {{{name}: ...}}`"
-    return None
 
 
 def _spelled(kind: type[BaseException] | str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 from dextera_build.engine.graph import Leaf
@@ -24,7 +25,11 @@ def misfit(given: Leaf, text: str, slot: str, wanted: Any, read_at: Place) -> Re
     hint = None
     if asked & {"File", "Folder"}:
         said = "folder" if "Folder" in asked else "file"
-        hint = f"name a {said}; `{given.path.parent}` holds the file" if said == "folder" else f"name a {said} in it"
+        hint = (
+            f"name a {said}; `{os.path.normpath(given.path.parent)}` holds the file"
+            if said == "folder"
+            else f"name a {said} in it"
+        )
     elif not is_folder:
         hint = "a rule turns a file into another artifact: `dxb help capture.file`, `dxb ls rules`"
     what = "folder" if is_folder else "file"

@@ -78,10 +78,11 @@ def field_type(kind: Any, fields: tuple[str, ...], where: Place) -> Any:
     if kind is Any:
         return Any
     found = list(dict.fromkeys(_reached(kind, fields, where)))
+    use = "shown or written alone" if where.file == "the command line" else "inputs"
     for each in found:
         if not (isinstance(each, type) and issubclass(each, Artifact)):
             raise RecipeError(
-                f"`{'.'.join(fields)}` is {type_name(each)}, not an artifact, and only artifacts can be inputs",
+                f"`{'.'.join(fields)}` is {type_name(each)}, not an artifact, and only artifacts can be {use}",
                 code="DXB-R107",
                 where=where,
             )

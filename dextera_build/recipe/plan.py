@@ -11,7 +11,7 @@ from typing import Any
 from dextera_build.code.loader import Library
 from dextera_build.engine.graph import Call, Graph, Group, Leaf, OnFailure, Output, mildest
 from dextera_build.engine.graph import Plan as Plan
-from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
+from dextera_build.errors import DxbError, Place, RecipeError, UsageError, did_you_mean, listing
 from dextera_build.recipe import cycles, expect, groups, runs
 from dextera_build.recipe.bindings import Names, fill
 from dextera_build.recipe.calls import CallMaker
@@ -40,7 +40,7 @@ class Request:
     backends: Mapping[str, str] = field(default_factory=dict)
     """Rule -> backend, or several in order of preference, separated by commas; overrides the profile's."""
     incomplete: bool = False
-    """Whether to plan without required inputs that are not given; `Plan.absent` then has an error for each."""
+    """Whether to plan without required inputs that are not given or not there; `Plan.absent` has an error for each."""
     names: Mapping[str, Names] = field(default_factory=dict)
     """Address of a node outside groups -> the names that `dxb.lock` binds there."""
     lock: Place = field(default_factory=lambda: Place("dxb.lock"))
@@ -89,8 +89,8 @@ class _Planner:
         self._request = request
         self.maker = CallMaker(library, request.profile, request.backends, request.settings)
         self.files: list[Path] = []
-        self.absent: list[UsageError] = []
-        """One error for each required input that is not given."""
+        self.absent: list[DxbError] = []
+        """One error for each required input that is not given, or names a path where nothing is."""
         self.kinds: dict[str, str] = {}
         """See `Plan.kinds`."""
         self._recipes: dict[str, Recipe] = {}
@@ -144,6 +144,7 @@ class _Planner:
                 members[address[:-1]][address[-1]] = (decl, scope)
         for address, (group, _) in self._groups.items():
             self._overrides[address] = self._override(address, group, members[address])
+        self.maker.warn_unread()
 
     def _call(self, address: tuple[str, ...]) -> Call:
         decl, scope = self._pending[address]
@@ -215,12 +216,16 @@ class _Planner:
             code="DXB-U105",
             where=decl.place,
             facts={"it is": decl.help} if decl.help else None,
-            hint=f"`dxb build {recipe.address} --input {name}=PATH`",
+            hint=f"add `--input {name}=PATH`",
         )
+        return self._without(error, name, decl.place)
+
+    def _without(self, error: DxbError, name: str, where: Place) -> Absent:
+        """An input that is not there, in a plan that may lack inputs; otherwise raise the error."""
         if not self._request.incomplete:
             raise error
         self.absent.append(error)
-        return Absent(Leaf(Path(name), decl.place), lambda: Any)
+        return Absent(Leaf(Path(name), where), lambda: Any)
 
     def _declare(self, nodes: Mapping[str, Decl], scope: Scope, prefix: str, group: tuple[str, ...]) -> None:
         for name, decl in nodes.items():
@@ -296,7 +301,7 @@ class _Planner:
         if (target or not kind) and self._read(address) is not None:
             return self._foreign_target(address, target, where)
         if not kind:
-            raise RecipeError(
+            error = RecipeError(
                 f"`{text}` is neither a file nor a recipe",
                 code="DXB-R301",
                 where=where,
@@ -305,6 +310,7 @@ class _Planner:
                 if from_cli
                 else "put it there, or name another one: `--input NAME=PATH`",
             )
+            return self._without(error, text, where)
         return Bound(Leaf(path, where), lambda: _leaf_type(kind))
 
     def _path(self, text: str, where: Place, from_cli: bool) -> Path:

@@ -166,8 +166,16 @@ def _refuse_escapes(labels: Iterable[str]) -> None:
             raise StoreError(f"label {label!a} leads out of the folder that it would be written to", code="DXB-S219")
 
 
+def _leads_on(body: Mapping[str, Any]) -> bool:
+    """Whether a field is a part of its own, or a map of such parts."""
+    parts = body.get("$map")
+    return "$ref" in body or (
+        isinstance(parts, dict) and any("$ref" in each for each in parts.values() if type(each) is dict)
+    )
+
+
 def _refused(step: str, owner: str, known: Mapping[str, Any]) -> RuleError:
-    reach = [name for name, body in known.items() if isinstance(body, dict) and ("$ref" in body or "$map" in body)]
+    reach = [name for name, body in known.items() if isinstance(body, dict) and _leads_on(body)]
     if step not in known:
         return RuleError(
             f"`{step}` is not {owner}",

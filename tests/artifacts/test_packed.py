@@ -42,6 +42,8 @@ def test_what_is_no_packed_artifact_is_refused(data):
     with pytest.raises(ArtifactError, match="this is not a packed View") as caught:
         unpack(View, data)
     assert caught.value.code == "DXB-A109"
+    with pytest.raises(ArtifactError, match=r"`dxb\.toml` is not a packed View"):
+        unpack(View, b"", "`dxb.toml`")
 
 
 def test_a_changed_blob_is_refused():

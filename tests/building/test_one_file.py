@@ -39,8 +39,10 @@ def test_the_one_part_of_that_form_is_written(tmp_path):
         written = one_file.write(Body(mesh=triangle()), tmp_path / name)
         assert written[0] == tmp_path / name
         assert len(written[0].read_bytes()) > 80
-    scene = Scene(bodies={"a": Body(mesh=triangle())}, photo=image())
-    assert one_file.write(scene, tmp_path / "s.png") == [tmp_path / "s.png"]
+    scene, said = Scene(bodies={"a": Body(mesh=triangle())}, photo=image()), list[str]()
+    assert one_file.write(scene, tmp_path / "s.png", said.append) == [tmp_path / "s.png"]
+    assert one_file.write(scene.photo, tmp_path / "s.png", said.append) == [tmp_path / "s.png"]
+    assert said == [f"`{tmp_path / 's.png'}` is the Image in Scene, and nothing else of it"]
     assert one_file.write(scene, tmp_path / "s.glb") == [tmp_path / "s.glb"]
 
 
@@ -66,5 +68,5 @@ def test_what_is_no_single_file_is_refused_with_the_forms_that_work(tmp_path, ma
     with pytest.raises(UsageError, match=why) as caught:
         one_file.write(made(), tmp_path / name)
     assert forms in caught.value.facts.get("one file", "")
-    assert caught.value.hint == f"`-o {tmp_path / name}/` writes a folder with all of its files"
+    assert caught.value.hint == f"`-o {(tmp_path / name).with_suffix('')}/` writes a folder with all of its files"
     assert list(tmp_path.iterdir()) == []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dextera_build.cli import grammar
+from dextera_build.cli import grammar, options
 from dextera_build.cli.main import main
 from dextera_build.cli.verbs import GROUPS, MOVED, VERBS
 from dextera_build.errors import UsageError
@@ -64,3 +64,13 @@ def test_numbers_that_no_robot_has_are_refused(words: str, message: str) -> None
     with pytest.raises(UsageError) as caught:
         grammar.parse(words.split())
     assert (caught.value.message, caught.value.code) == (message, "DXB-U347")
+
+
+@pytest.mark.parametrize("text", ["-1", "65536", "99999999", "80.5", "http"])
+def test_a_port_is_a_number_that_a_system_has(text: str) -> None:
+    assert (options.port("0"), options.port("65535")) == (0, 65535)
+    with pytest.raises(UsageError, match=f"`--port {text}` is no port from 0 to 65535"):
+        options.port(text)
+    for verb in ("view", "serve", "teleop"):
+        with pytest.raises(UsageError, match="is no port"):
+            grammar.parse([verb, "say/words", f"--port={text}"])

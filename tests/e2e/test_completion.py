@@ -63,6 +63,8 @@ def test_verbs_flags_and_values(space: Space) -> None:
 @pytest.mark.medium
 def test_rules_and_backends(space: Space) -> None:
     assert by_bash(space, "dxb help toy.sh") == ["toy.shout"]
+    assert "DXB-R105" in by_bash(space, "dxb help DXB-R1")
+    assert by_bash(space, "dxb build say/words --set word.loude") == ["word.louder.times="]
     assert by_bash(space, "dxb build --backend factorize.mes") == ["factorize.mesh="]
     assert by_bash(space, "dxb build --backend factorize.mesh=st") == ["stub"]
 

@@ -108,6 +108,13 @@ def test_the_variable_of_ci_allows_what_it_names(looking: Space) -> None:
     assert "error[DXB-U181]" in wrong.err
 
 
+def test_a_kind_of_data_that_is_spelled_wrong_is_refused(looking: Space) -> None:
+    answer = looking.dxb("consent", "give", "seer", "photographs")
+    assert (answer.code, "hint: did you mean `photograph`?" in answer.err) == (2, True)
+    assert looking.dxb("consent", "ls").out == ""
+    assert looking.dxb("consent", "give", "seer", "thermal_picture").code == 0  # of a rule of the project
+
+
 def test_consent_can_be_withdrawn(looking: Space) -> None:
     looking.dxb("consent", "give", "seer")
     assert looking.dxb("consent", "ls").out.split("\t")[:3] == ["seer", "photograph", str(looking.root)]

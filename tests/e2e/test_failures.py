@@ -181,6 +181,22 @@ def test_a_missing_file_is_named(space):
     assert "Traceback" not in answer.err
 
 
+def test_check_looks_beyond_a_path_where_nothing_is(space):
+    space.write(
+        "recipes/say/note.yaml",
+        "inputs: {note: notes/gone.txt}\n"
+        "nodes: {w: {rule: toy.split, text: $note}, x: {rule: toy.split, text: $nothing}}\n",
+    )
+    answer = space.dxb("check", "say/note")
+    assert (answer.code, "`$nothing` names nothing" in answer.err) == (2, True)
+    space.edit("recipes/say/note.yaml", "$nothing", "$note")
+    answer = space.dxb("check", "say/note")
+    assert (answer.code, "error[DXB-R301]: `notes/gone.txt` is neither" in answer.err) == (2, True)
+    space.edit("recipes/say/note.yaml", "notes/gone.txt", "note.txt")
+    space.write("note.txt", "one")
+    assert space.dxb("check", "say/note").code == 0
+
+
 def test_an_unknown_recipe_lists_the_known(space):
     answer = space.dxb("build", "say/wrods")
     assert answer.code == 2

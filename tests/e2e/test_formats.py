@@ -66,7 +66,7 @@ def test_get_names_the_formats_of_the_type(shapes):
     assert answer.code == 2
     assert "error[DXB-U220]: PointCloud cannot be written as `cube.obj`" in answer.err
     assert "one file   .ply" in answer.err
-    assert "hint: `-o cube.obj/` writes a folder" in answer.err
+    assert "hint: `-o cube/` writes a folder" in answer.err
     assert not (shapes.root / "cube.obj").exists()
 
 

@@ -70,6 +70,20 @@ def test_what_was_never_built_as_it_is_is_given_as_it_was_built_last(here: Here)
     assert Project.find().get("g:a0").data == b"8"
 
 
+def test_what_needs_an_input_is_not_said_to_be_built_without(here: Here, counts: Space) -> None:
+    counts.edit("recipes/g.yaml", "{l: data}", "{l: {help: a number}}")
+    assert here("build", "g:a0", "--input", "l=data")[0] == 0
+    assert here("show", "g:a0")[2] == "`g` as built with l=data\n"
+    assert "hint: `dxb build 'g:a1' --input l=PATH`\n" in here("get", "g:a1")[2]
+
+
+def test_a_report_of_a_run_says_nothing_of_another(here: Here) -> None:
+    assert here("build", "g:a0", "--set", "a0.add=7")[0] == 0
+    assert here("build", "g:a0", *FIVE)[0] == 0
+    for run in ("0001", "0002"):
+        assert here("report", run)[::2] == (0, "")
+
+
 @pytest.mark.slow
 def test_a_failed_build_changes_nothing_that_is_given(here: Here, counts: Space) -> None:
     counts.edit("rules/toy/mul.py", "    return", '    ctx.check(options.add < 9, "too much")\n    return')

@@ -30,7 +30,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Space:
     prepare(space)
     answer = space.dxb("build", "table")
     assert answer.code == 0, answer.err
-    assert "stub backends made" in answer.err
+    assert "  view: dxb view table      report: dxb report\nstub backends made" in answer.err
     return space
 
 

@@ -119,6 +119,14 @@ def test_a_viewer_prints_its_document_alone(built):
 
 
 @pytest.mark.medium
+def test_a_page_that_cannot_be_saved_is_one_error(built):
+    built.write("taken", "")
+    answer = built.run("view", "say/solids:solids.items.two", "--save", "taken/two.html")
+    assert (answer.code, answer.out, "error[DXB-U177]" in answer.err) == (2, "", True)
+    assert "Server stopped" not in answer.err
+
+
+@pytest.mark.medium
 def test_a_field_that_is_not_there_is_told_with_the_nearest(built):
     answer = built.dxb("get", "say/solids:solids.items.tow", "-o", "two.glb")
     assert answer.code == 1

@@ -21,6 +21,14 @@ def built(space):
     return space
 
 
+def test_a_build_ends_with_the_commands_that_show_its_result(space):
+    assert "\n  show: dxb show say/words:all      report: dxb report\n" in space.dxb("build", "say/words").err
+    assert "report:" not in space.dxb("build", "say/words").err  # nothing ran
+    space.edit("recipes/say/words.yaml", "one two", "one")
+    wanted = "say/words:word[one].loud"
+    assert f"  show: dxb show '{wanted}'" in space.dxb("build", wanted).err
+
+
 def test_plan_tells_what_would_run(space):
     rows = [line.split("\t") for line in space.dxb("plan", "say/words").out.splitlines()]
     assert [row[:2] for row in rows if row[0] == "start"] == [["start", "stale"]]
@@ -94,6 +102,95 @@ def test_get_takes_a_name_with_a_suffix_for_a_file(asked):
     wrong = asked.dxb("get", "say/words:words", "-o", "words.usdz")
     assert (wrong.code, wrong.out) == (2, "")
     assert "error[DXB-U220]: Collection cannot be written as `words.usdz`" in wrong.err
+
+
+def test_what_was_never_built_and_what_is_empty_is_said(space):
+    answer = space.dxb("show", "say/words")
+    assert (answer.code, answer.out) == (0, "")
+    assert answer.err.startswith(
+        "`say/words` was never built here; `dxb plan say/words` says what a build of it would run\n"
+    )
+    for words, told in ((("ls", "runs"), "there are no runs here"), (("library", "mug"), "no asset fits")):
+        answer = space.dxb(*words)
+        assert (answer.code, answer.out, told in answer.err) == (0, "", True)
+    assert space.dxb("show", "say/words", "--json").rows == []
+
+
+def test_a_broken_recipe_hides_no_other(space):
+    space.write("recipes/say/broken.yaml", "nodes: [\n")
+    answer = space.dxb("ls")
+    assert answer.code == 2
+    assert "say/words\tWords, louder.\n" in answer.out
+    assert ("recipes/say/broken.yaml" in answer.err, answer.err.count("error[")) == (True, 1)
+
+
+def test_nothing_is_built_before_every_recipe_and_target_is_known(space):
+    space.write("recipes/say/too.yaml", "nodes: {a: {rule: toy.start}}\n")
+    for wrong, code in (("say/nothing", "U108"), ("say/too:b", "U110")):
+        answer = space.build("say/words", wrong)
+        assert (answer.code, f"error[DXB-{code}]" in answer.err, answer.nodes("ran")) == (2, True, set())
+
+
+def test_a_node_that_the_recipe_does_not_have_is_not_proposed(asked):
+    for verb in ("get", "check", "show"):
+        answer = asked.dxb(verb, "say/words:nope")
+        assert (answer.code, "error[DXB-U110]: `say/words` has no node `nope`" in answer.err) == (2, True)
+
+
+def test_flags_that_change_nothing_are_refused(asked):
+    for words in (
+        ("show", "say/words:all", "-o", "f.txt"),
+        ("show", "say/words", "--by", "rule"),
+        ("show", "say/words", "--dot"),
+        ("show", "say/words", "--graph", "-o", "g.png"),
+        ("show", "say/words", "--graph", "--dot", "-o", "g.svg"),
+        ("ls", "--deps"),
+        ("ls", "runs", "--stale"),
+    ):
+        answer = asked.dxb(*words)
+        assert (answer.code, answer.out, "error[DXB-U215]" in answer.err) == (2, "", True), words
+    assert asked.dxb("show", "say/words", "--graph", "--by", "rule", "-o", "g.svg").out == "g.svg\n"
+
+
+def test_a_name_like_that_of_a_rule_is_told(asked):
+    for text, rule in (("toy.shuot", "toy.shout"), ("shout", "toy.shout"), ("Shout", "toy.shout")):
+        assert f"hint: did you mean `{rule}`?" in asked.dxb("show", text).err
+    assert "the nearest" not in asked.dxb("show", "nix").err
+
+
+def test_new_files_come_with_the_next_step(space):
+    assert "dxb build toy/scene --input capture=FOLDER" in space.dxb("new", "recipe", "toy/scene").err
+    assert "`NODE: {rule: toy.bright, image: $...}`" in space.dxb("new", "rule", "toy.bright").err
+    assert "hint: `dxb new backend toy.bright=fast`" in space.dxb("new", "backend", "toy.bright", "fast").err
+    assert "dxb build RECIPE --backend toy.bright=fast" in space.dxb("new", "backend", "toy.bright=fast").err
+
+
+def test_runs_are_those_of_this_project(space, tmp_path_factory):
+    shared = {"DXB_CACHE": str(tmp_path_factory.mktemp("shared"))}
+    other = Space(tmp_path_factory.mktemp("other"))
+    other.write("dxb.toml", "")
+    assert space.dxb("build", "say/words:start", env=shared).code == 0
+    assert space.dxb("ls", "runs", env=shared).out.startswith("0001\t")
+    assert other.dxb("ls", "runs", env=shared).out == ""
+
+
+def test_nodes_are_listed_in_the_order_of_a_build(space):
+    listed = [line.split("\t")[0].partition(":")[2] for line in space.dxb("ls", "say/words").out.splitlines()]
+    planned = [line.split("\t")[0] for line in space.dxb("plan", "say/words").out.splitlines()]
+    assert listed == planned
+
+
+def test_a_scene_that_cannot_be_written_is_refused_before_anything_is_built(space):
+    answer = space.dxb("new", "scene", "twin/tabletop", "-o", "dxb.toml/scene.yaml")
+    assert (answer.code, "error[DXB-U177]: `dxb.toml/scene.yaml` cannot be written" in answer.err) == (2, True)
+
+
+def test_an_output_that_cannot_be_written_is_not_taken_for_the_store(asked):
+    for words in (("bundle", "create", "say/words", "-o", "dxb.toml/w.tar"), ("bundle", "keygen", "dxb.toml/anna")):
+        answer = asked.dxb(*words)
+        assert (answer.code, f"error[DXB-U177]: `{words[-1]}` cannot be written: " in answer.err) == (2, True), (
+            answer.err
+        )
 
 
 def test_get_of_what_was_never_built_says_how(space):

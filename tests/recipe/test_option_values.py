@@ -105,18 +105,18 @@ def test_a_name_within_an_option_is_refused_with_the_near_one(space, options, me
     assert (error.where.line, error.where.column) == (4, column)
 
 
+QUIET = (
+    '"""Quiet."""\nfrom dextera_build.rule import Backend, Options\n\nclass QuietOptions(Options):\n'
+    '    """Options."""\n    volume: float = 0.5\n    """How loud."""\n\n'
+    'BACKEND = Backend(summary="quietly", profiles=("cpu",))\n'
+    "def speak(ctx, text, options: QuietOptions):\n    return text\n"
+)
+Q = "nodes:\n  s: {rule: toy.start}\n  t:\n    rule: toy.spoken\n    text: $s\n"
+
+
 def test_an_option_of_a_backend_is_refused_with_the_near_one(space):
-    space.write(
-        "rules/toy/spoken_quiet.py",
-        '"""Quiet."""\nfrom dextera_build.rule import Backend, Options\n\nclass QuietOptions(Options):\n'
-        '    """Options."""\n    volume: float = 0.5\n    """How loud."""\n\n'
-        'BACKEND = Backend(summary="quietly", profiles=("cpu",))\n'
-        "def speak(ctx, text, options: QuietOptions):\n    return text\n",
-    )
-    space.write(
-        "recipes/say/q.yaml",
-        "nodes:\n  s: {rule: toy.start}\n  t:\n    rule: toy.spoken\n    text: $s\n    quiet: {volum: 1}\n",
-    )
+    space.write("rules/toy/spoken_quiet.py", QUIET)
+    space.write("recipes/say/q.yaml", Q + "    quiet: {volum: 1}\n")
     project = space.project()
     with pytest.raises(RecipeError) as caught:
         plan("say/q", project.recipe, project.library, project.root, Request())
@@ -125,3 +125,41 @@ def test_an_option_of_a_backend_is_refused_with_the_near_one(space):
     assert (error.hint, error.facts) == ("did you mean `volume`?", {"options": "volume"})
     assert error.where is not None
     assert (error.where.line, error.where.column) == (6, 13)
+
+
+def test_an_option_of_a_backend_that_is_not_chosen_is_checked_too(space):
+    space.write("rules/toy/spoken_quiet.py", QUIET)
+    space.write("rules/toy/spoken_calm.py", QUIET.replace('("cpu",)', "()"))
+    for group, message in (
+        ("{volum: 1}", "`calm` of `toy.spoken` has no option `volum`"),
+        ("{volume: x}", "`calm.volume` of `toy.spoken` must be a valid number"),
+    ):
+        space.write("recipes/say/q.yaml", f"{Q}    calm: {group}\n    cloud: {{anything: 1}}\n")  # cannot be imported
+        project = space.project()
+        with pytest.raises(RecipeError) as caught:
+            plan("say/q", project.recipe, project.library, project.root, Request())
+        assert caught.value.message == message
+
+
+def test_a_setting_of_a_backend_that_no_call_runs_is_told(space):
+    space.write("rules/toy/spoken_quiet.py", QUIET)
+    space.write("rules/toy/spoken_calm.py", QUIET.replace('("cpu",)', "()"))
+    space.write("recipes/say/q.yaml", Q)
+    told = "warning: nothing reads `--set t.calm.volume=1`: toy.spoken runs `quiet`\n"
+    for _ in range(2):  # the second time, the plan is that of the first
+        assert told in space.dxb("plan", "say/q", "--set", "t.calm.volume=1").err
+    assert "nothing reads" not in space.dxb("plan", "say/q", "--set", "t.quiet.volume=1").err
+    assert (
+        "nothing reads"
+        not in space.dxb("plan", "say/q", "--set", "t.calm.volume=1", "--backend", "toy.spoken=calm").err
+    )
+
+
+def test_an_option_of_a_backend_on_the_command_line_is_spelled_for_it(space):
+    space.write("rules/toy/spoken_quiet.py", QUIET)
+    space.write("recipes/say/q.yaml", Q)
+    for text, hint in (
+        ("t.volume=1", "it is an option of a backend: `--set 't.quiet.volume=VALUE'`"),
+        ("t.quite.volume=1", "did you mean `quiet`?"),
+    ):
+        assert f"hint: {hint}\n" in space.dxb("plan", "say/q", "--set", text).err

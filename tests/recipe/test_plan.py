@@ -355,7 +355,7 @@ def test_a_cycle_is_shown(space):
 def test_a_missing_input_says_how_to_give_it(space):
     error = refused(space, "inputs: {x: {help: a file}}\nnodes: {a: {rule: toy.split, text: $x}}", UsageError)
     assert error.message == "the input `x` of `say/wrong` is not given"
-    assert error.hint == "`dxb build say/wrong --input x=PATH`"
+    assert error.hint == "add `--input x=PATH`"
 
 
 @pytest.mark.parametrize(

@@ -204,3 +204,16 @@ def test_half_a_character_is_in_no_header(before: str, half: str, behind: str) -
     ):
         with pytest.raises(UnicodeEncodeError):
             spell()
+
+
+def test_only_parts_are_proposed_as_parts() -> None:
+    fields = {
+        "mesh": {"$ref": "0" * 64},
+        "scores": {"$map": {"a": {"$value": {"iou": 0.5}}}},
+        "names": {"$map": {}},
+        "n": 1,
+    }
+    header = json.dumps({"artifact": "tests.Scored", "fields": fields}).encode()
+    with pytest.raises(RuleError) as caught:
+        headers.project(lambda digest: header, "1" * 64, ("n",))
+    assert caught.value.facts == {"artifacts": "mesh"}

@@ -9,16 +9,19 @@ from typing import TYPE_CHECKING
 from dextera_build.building import build
 from dextera_build.building.build import Order
 from dextera_build.cli import options
-from dextera_build.cli.build.shown import lines, stubs_of, tell
+from dextera_build.cli.build.shown import lines, stubs_of, suggest, tell
 from dextera_build.cli.consoles import console
-from dextera_build.project import own
 from dextera_build.runs import snapshot
 from dextera_build.runs.snapshot import Recipe
 from dextera_build.session import Session, addresses
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from dextera_build.building.build import Built
     from dextera_build.building.lock import Locking
+    from dextera_build.project.planning import Added
+    from dextera_build.project.project import Project
     from dextera_build.store.signature import Watch
 
 
@@ -62,13 +65,17 @@ def run(args: argparse.Namespace) -> int:
     if keeps and snapshot.answer(args.words, str(project.cache)):
         return 0
     code, answers, found = 0, "", list[Recipe]()
-    for recipe, targets in options.by_recipe(args.targets).items():
+    wanted = options.by_recipe(args.targets)
+    if len(wanted) > 1:
+        _refuse_unknown(project, added, wanted)
+    for recipe, targets in wanted.items():
         session = Session(project, recipe, added, makes=not args.check)
         order = Order(targets, args.keep_going, args.force, args.whole, tuple(sys.argv[1:]))
         if args.check:
             code = max(code, _check(session, order, locking))
             continue
         done = built(session, order, locking, watch if keeps else None, verbose=args.verbose)
+        suggest(session, done)
         tell(done, quiet=project.console in ("none", "jsonl"))
         answers += lines(done.placed.paths)
         print(lines(done.placed.paths), end="")
@@ -82,13 +89,20 @@ def run(args: argparse.Namespace) -> int:
     return code
 
 
+def _refuse_unknown(project: Project, added: Added, wanted: Mapping[str, Sequence[str]]) -> None:
+    """Refuse recipes and targets that do not exist, before the first of several recipes is built."""
+    for recipe, targets in wanted.items():
+        graph = Session(project, recipe, added).plan(incomplete=True).graph
+        for target in targets:
+            addresses(graph, target)
+
+
 def built(session: Session, order: Order, locking: Locking, watch: Watch | None, *, verbose: bool) -> Built:
     """Build, and build again once the user has consented to send the refused data."""
     from dextera_build.cli.build.consent import agreed
 
-    twin = own.twin(session.project) if session.recipe.startswith("robot/") else ""
     while True:
-        with console(session.project.console, sys.stderr, verbose=verbose, twin=twin) as shown:
+        with console(session.project.console, sys.stderr, verbose=verbose) as shown:
             done = build.build(session, order, locking, shown, watch)
         if done.ok or not agreed(session.project, done):
             return done

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from dextera_build.cli import options, streams, table
 from dextera_build.cli.build import expected
-from dextera_build.errors import DxbError, RuleError, StaleError, UsageError, listing
+from dextera_build.errors import DxbError, RecipeError, RuleError, StaleError, UsageError, listing
 from dextera_build.project import own
 from dextera_build.recipe.expect import STAND_INS
 from dextera_build.report.wording import count
@@ -91,6 +91,9 @@ def _check(args: argparse.Namespace, target: str, project: Project, row: dict[st
         row["found"] = _repeat(session, node)
         return
     plan = session.plan(incomplete=True)
+    for error in plan.absent:
+        if isinstance(error, RecipeError):
+            raise error  # the recipe names a path where nothing is; all else in it is sound
     row["found"] = _resolved(plan)
     if not plan.absent:
         _compare(session, plan.graph, row, needs_all=bool(args.targets))

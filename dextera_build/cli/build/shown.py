@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from dextera_build.building.build import Built
+    from dextera_build.session import Session
 
 
 def tell(built: Built, *, quiet: bool = False) -> None:
@@ -31,6 +32,22 @@ def tell(built: Built, *, quiet: bool = False) -> None:
         print(built.notice, file=sys.stderr)
     if not quiet and (told := stubs_of(built)):
         print(told, file=sys.stderr)
+
+
+def suggest(session: Session, built: Built) -> None:
+    """Print the commands that show what a build made, unless nothing ran or the console is `none` or `jsonl`."""
+    nodes = built.result.nodes.values()
+    is_fresh = built.ok and any(node.status != "cached" for node in nodes)
+    if session.project.console in ("none", "jsonl") or not is_fresh:
+        return
+    from dextera_build.cli.built import is_viewed
+    from dextera_build.cli.consoles.lines import next_steps, plain
+    from dextera_build.cli.errors import wants_colour
+    from dextera_build.project import own
+
+    node = "" if is_viewed(session, nodes) else next(reversed(built.placed.paths), "")
+    twin = own.twin(session.project) if session.recipe.startswith("robot/") and not node else ""
+    print(plain(next_steps(session.recipe, twin, node), colour=wants_colour(sys.stderr)), file=sys.stderr)
 
 
 def stubs_of(built: Built) -> str:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from dextera_build.calls.spending import LEDGER, open_ledger
 from dextera_build.cli import options, streams
-from dextera_build.cli.build.shown import shown, tell
+from dextera_build.cli.build.shown import shown, suggest, tell
 from dextera_build.cli.consoles import console
 from dextera_build.cli.errors import render, wants_colour
 from dextera_build.errors import DxbError, MachineError, UsageError
@@ -175,6 +175,7 @@ def _build(args: argparse.Namespace, recipe: str, targets: Sequence[str], watch:
         print(render(error, colour=wants_colour(sys.stderr)), file=sys.stderr)
         _note_mends(project, error, watch)
         return error, f"error {error.code}"
+    suggest(session, built)
     tell(built, quiet=True)
     return None, states(Counter(node.status for node in built.result.nodes.values()))
 

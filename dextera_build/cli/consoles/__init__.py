@@ -70,21 +70,14 @@ class JsonlConsole(Console):
             self._stream.flush()
 
 
-def console(kind: str, stream: TextIO, *, verbose: bool = False, twin: str = "") -> Console:
+def console(kind: str, stream: TextIO, *, verbose: bool = False) -> Console:
     """Create the console `kind`; `live` and `auto` fall back to `plain` if `stream` cannot redraw lines.
 
     Args:
         kind: A value of the setting `console`.
         stream: Usually standard error; standard output is for results.
         verbose: Also show the lines that nodes log.
-        twin: The recipe of a twin, in which the robot that is built may get its tasks; "" to leave that out.
     """
-    made = _made(kind, stream, verbose=verbose)
-    made.record.twin = twin
-    return made
-
-
-def _made(kind: str, stream: TextIO, *, verbose: bool) -> Console:
     if kind in ("none", "jsonl"):
         return JsonlConsole(stream) if kind == "jsonl" else Console(stream)
     if kind != "plain" and can_move(stream):

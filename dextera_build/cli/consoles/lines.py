@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
@@ -218,11 +219,18 @@ def pulled(recipe: str, event: RunFinished) -> Line:
     return [("pulled", "fetched"), (f" {recipe}", "name"), (f"   {total}: {said}   {duration(event.seconds)}", "")]
 
 
-def next_steps(recipe: str, twin: str = "") -> Line:
-    """Commands that show the result of a build, and the one that gives a robot its first tasks."""
+def next_steps(recipe: str, twin: str = "", node: str = "") -> Line:
+    """Commands that show the result of a build, and the one that gives a robot its first tasks.
+
+    Args:
+        recipe: The recipe that was built.
+        twin: The recipe of a twin, in which the robot that was built may get its tasks; "" to leave that out.
+        node: The node to show; "" if the recipe as a whole can be viewed.
+    """
+    verb, what = ("show", shlex.quote(f"{recipe}:{node}")) if node else ("view", recipe)
     shown: Line = [
-        ("  view: ", "dim"),
-        (f"dxb view {recipe}", "path"),
+        (f"  {verb}: ", "dim"),
+        (f"dxb {verb} {what}", "path"),
         ("      report: ", "dim"),
         ("dxb report", "path"),
     ]

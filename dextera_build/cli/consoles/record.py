@@ -58,8 +58,6 @@ class Record:
     """The running, failed and blocked nodes of a run, and its node counts."""
 
     def __init__(self) -> None:
-        self.twin = ""
-        """The twin in which a robot that is built may get its tasks; "" for none."""
         self._forget()
 
     def _forget(self) -> None:
@@ -130,9 +128,7 @@ class Record:
         sent = [line for uploaded in self._uploaded for line in lines.uploaded(uploaded)]
         before = event.counts.get("cached", 0)
         sent += [lines.unsent(self.recipe, each, before) for each in self._uploaded if each.results and before]
-        last = [lines.summary(self.recipe, event), *lines.costs(self._costs), *sent]
-        fresh = event.ok and event.counts.get("cached", 0) != sum(event.counts.values())
-        return [*last, lines.next_steps(self.recipe, self.twin)] if fresh else last
+        return [lines.summary(self.recipe, event), *lines.costs(self._costs), *sent]
 
 
 def beat(node: Running, record: Record, now: float) -> Line:

@@ -44,7 +44,11 @@ def run(args: argparse.Namespace) -> int:
     out = Path(args.out)
     as_file = bool(out.suffix) and not (args.out.endswith(os.sep) or out.is_dir())
     with table.writing(out):
-        written = one_file.write(artifact, out) if as_file else artifact.export(out, wanted.stem)
+        written = one_file.write(artifact, out, _tell) if as_file else artifact.export(out, wanted.stem)
     files = [str(path) for path in written]
     table.say("get", {"files": files}, "\n".join(files), as_json=args.json)
     return 0
+
+
+def _tell(line: str) -> None:
+    print(line, file=sys.stderr)

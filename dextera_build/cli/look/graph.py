@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from dextera_build.cli import nodes, options, table
@@ -20,6 +21,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--dot", action="store_true", help="print the graph in Graphviz' language instead of SVG")
     group.add_argument("--by", choices=WAYS, default="node", help="draw one box per node, group, rule or recipe (node)")
     group.add_argument("--status", action="store_true", help="mark what a build would do with each node")
+
+
+OTHERS = {"svg": (".dot", ".gv", ".png", ".jpg", ".pdf"), "dot": (".svg", ".png", ".jpg", ".pdf")}
+"""Form in which a graph is written -> suffixes of files that have another form."""
+
+
+def used(args: argparse.Namespace) -> Iterator[str]:
+    """The flags of a graph that are given."""
+    yield from (f"--{name}" for name in ("dot", "status") if getattr(args, name))
+    yield from ["--by"] if args.by != WAYS[0] else []
 
 
 def run(args: argparse.Namespace) -> int:

@@ -43,7 +43,8 @@ def run(args: argparse.Namespace) -> int:
     ]
     if args.out is None:
         rows = [_row(asset) for asset in found]
-        return table.give("library", rows, as_json=args.json, cells=[_cells(one) for one in found])
+        none = "no asset fits" if words or args.kind else "no asset was built here"
+        return table.give("library", rows, as_json=args.json, cells=[_cells(one) for one in found], none=none)
     if not found:
         raise UsageError(
             "no asset fits" if words or args.kind else "no asset is in the store",

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 
 from dextera_build.cli import nodes, options, table
+from dextera_build.cli.errors import render, wants_colour
+from dextera_build.errors import DxbError, UsageError
 from dextera_build.project.project import Project
 from dextera_build.report.wording import moment
 
@@ -33,9 +37,9 @@ def run(args: argparse.Namespace) -> int:
     from dextera_build.explain import calls
     from dextera_build.explain.runs import runs
 
-    project = options.project(args)
+    project, wrong = options.project(args), list[DxbError]()
     listings: dict[str, tuple[Callable[[Project], Iterator[Row]], Callable[[Row], Row]]] = {
-        "recipes": (_recipes, dict),
+        "recipes": (partial(_recipes, wrong=wrong), dict),
         "rules": (_rules, dict),
         "backends": (_backends, _backend_cells),
         "profiles": (_profiles, _profile_cells),
@@ -45,15 +49,29 @@ def run(args: argparse.Namespace) -> int:
     }
     if args.what not in listings:
         return table.give("ls.nodes", list(nodes.rows(project, args)), as_json=args.json)
+    if flag := next((name for name in ("deps", "rdeps", "stale", "cached") if getattr(args, name)), ""):
+        raise UsageError(
+            f"`--{flag}` is for nodes, and `dxb ls {args.what}` lists none",
+            code="DXB-U215",
+            hint=f"`dxb ls RECIPE --{flag}`",
+        )
     listing, cells = listings[args.what]
-    rows = list(listing(project))
-    return table.give(f"ls.{args.what}", rows, as_json=args.json, cells=[cells(row) for row in rows])
+    rows, none = list(listing(project)), f"there are no {args.what} here"
+    table.give(f"ls.{args.what}", rows, as_json=args.json, cells=[cells(row) for row in rows], none=none)
+    for error in wrong:
+        print(render(error, colour=wants_colour(sys.stderr)), file=sys.stderr)
+    return max((error.exit_code for error in wrong), default=0)
 
 
-def _recipes(project: Project) -> Iterator[Row]:
+def _recipes(project: Project, wrong: list[DxbError]) -> Iterator[Row]:
+    """The recipes that can be read; the errors of the others go to `wrong`."""
     for address, _ in project.recipes():
-        recipe = project.recipe(address)
-        yield {"recipe": address, "summary": recipe.summary if recipe else ""}
+        try:
+            recipe = project.recipe(address)
+        except DxbError as error:
+            wrong.append(error)
+        else:
+            yield {"recipe": address, "summary": recipe.summary if recipe else ""}
 
 
 def _rules(project: Project) -> Iterator[Row]:

@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
         expected = found.expect if found is not None else {}
     against = runs.find(project, args.against)[1] if args.against else None
     with table.writing(out, hint=None if args.out else f"dxb report {recipe} -o report.html"):
-        view = placed(_page(Session(project, recipe, options.added(args), last=True), start["run"]), out)
+        view = placed(_page(Session(project, recipe, variant=variant), start["run"]), out)
         told = _told if sys.stderr.isatty() else None
         path = build(
             events, reading(project), out, licences=licences, expected=expected, view=view, against=against, told=told

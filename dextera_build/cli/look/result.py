@@ -146,22 +146,28 @@ def _field(session: Session, value: Any) -> dict[str, Any]:
         return row | {"told": f"{dtype} {tuple(shape)}", "dtype": dtype, "shape": shape}
     if isinstance(value, dict) and "$ref" in value and session.store.blobs.has(value["$ref"]):
         return row | {"told": _inner(json.loads(session.store.blobs.get(value["$ref"])))}
-    if isinstance(value, dict):
-        return row | {"told": ", ".join(value.get("$map", {})) or next(iter(value), "").removeprefix("$")}
-    return row | {"told": _short(json.dumps(_rounded(value))), "value": value}
+    if isinstance(value, dict) and "$map" in value:
+        return row | {"told": ", ".join(value["$map"]) or "none"}
+    if isinstance(value, dict) and "$value" not in value:
+        return row | {"told": next(iter(value), "").removeprefix("$")}
+    return row | {"told": _short(json.dumps(_rounded(value))), "value": None if isinstance(value, dict) else value}
 
 
 def _rounded(value: Any) -> Any:
-    """Plain data with six digits of each number."""
+    """Plain data with six digits of each number, and twelve of each digest of a part."""
     if isinstance(value, list):
         return [_rounded(each) for each in value]
+    if isinstance(value, dict):
+        inner = value.get("$value", value)
+        told = inner.get("$ref", inner) if isinstance(inner, dict) else inner
+        return told[:12] if isinstance(told, str) else {name: _rounded(each) for name, each in told.items()}
     return float(f"{value:.6g}") if isinstance(value, float) else value
 
 
 def _inner(header: dict[str, Any]) -> str:
     """`Pose, parent world, child object`: an artifact inside another one, without its arrays and parts."""
     plain = {name: value for name, value in header["fields"].items() if isinstance(value, str | int | float)}
-    return _short(", ".join([header["artifact"], *(f"{name} {value}" for name, value in plain.items())]))
+    return _short(", ".join([header["artifact"], *(f"{name} {_rounded(value)}" for name, value in plain.items())]))
 
 
 def _short(text: str) -> str:

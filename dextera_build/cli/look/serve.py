@@ -24,7 +24,7 @@ PORT = 8000
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     parser.add_argument("node", metavar="RECIPE:NODE", help="a policy that was built: task/close_laptop:act")
-    parser.add_argument("--port", type=int, default=PORT, help=f"port to listen on ({PORT}; 0: any free one)")
+    parser.add_argument("--port", type=options.port, default=PORT, help=f"port to listen on ({PORT}; 0: any free one)")
     parser.add_argument(
         "--host",
         default="127.0.0.1",

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Mapping
+import os
+import re
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.building import part
 from dextera_build.cli import options, table
 from dextera_build.cli.look import graph, result
-from dextera_build.errors import UsageError
+from dextera_build.errors import UsageError, did_you_mean
 from dextera_build.explain import calls
 from dextera_build.explain.calls import is_call
 from dextera_build.project import settings
@@ -19,6 +21,9 @@ from dextera_build.project.planning import refuse_unknown
 if TYPE_CHECKING:
     from dextera_build.project.project import Project
     from dextera_build.session import Session
+
+
+_DIGEST = re.compile(r"\b([0-9a-f]{12})[0-9a-f]{52}\b")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -48,6 +53,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print rows of name and value; with `--lineage` one indented line per item, each item once."""
     project = options.project(args)
+    _refuse_unused(args)
     if args.trace:
         told = _trace(project, args.target)
         text = table.spelled("show.trace", told) if args.json else json.dumps(told)
@@ -72,6 +78,7 @@ def run(args: argparse.Namespace) -> int:
     if is_call(args.target):
         found = calls.show(project, args.target)
         return table.give("show.call", found, as_json=args.json, cells=_named(calls.shown(found)))
+    _refuse_unlike(project, args.target)
     session, node = options.session(args, args.target, project, last=True)
     if args.lineage:
         return _lineage(session, node, as_json=args.json)
@@ -80,13 +87,37 @@ def run(args: argparse.Namespace) -> int:
     wanted = part.named(session, node)
     if wanted.fields:
         found = result.part_of(session, wanted)
-        return table.give("show.part", found, as_json=args.json, cells=_named(result.part_text(found)))
+        cells = _named(result.part_text(found))
+        return table.give("show.part", found, as_json=args.json, cells=cells, narrow=shortened(cells))
     found = result.node(session, node)
-    return table.give("show.node", found, as_json=args.json, cells=_named(result.node_text(found)))
+    cells = _named(result.node_text(found))
+    return table.give("show.node", found, as_json=args.json, cells=cells, narrow=shortened(cells))
+
+
+def _refuse_unused(args: argparse.Namespace) -> None:
+    """Refuse flags that change nothing of what is asked for."""
+    if args.out and not (args.graph or args.trace):
+        raise UsageError(
+            "only `--graph` and `--trace` write a file",
+            code="DXB-U215",
+            hint="`dxb get RECIPE:NODE -o FILE` writes a result",
+        )
+    if not args.graph and (flag := next(graph.used(args), "")):
+        raise UsageError(f"`{flag}` is for `--graph`", code="DXB-U215", hint=f"`dxb show RECIPE --graph {flag} ...`")
+    suffix, form = os.path.splitext(args.out or "")[1].lower(), "dot" if args.dot else "svg"
+    if args.graph and not args.json and suffix in graph.OTHERS[form]:
+        raise UsageError(
+            f"the graph is written as {form.upper()}, not as `{suffix}`", code="DXB-U215", hint=f"`-o graph.{form}`"
+        )
 
 
 def _named(rows: Mapping[str, str]) -> list[dict[str, str]]:
     return [{"name": name, "value": value} for name, value in rows.items()]
+
+
+def shortened(cells: Sequence[Mapping[str, str]]) -> list[dict[str, str]]:
+    """The same for a narrow terminal, with the first digits of each digest: a broken one cannot be copied."""
+    return [{name: _DIGEST.sub(r"\1", value) for name, value in row.items()} for row in cells]
 
 
 def _trace(project: Project, run: str | None) -> dict[str, Any]:
@@ -106,6 +137,14 @@ def _is_rule(project: Project, text: str) -> bool:
     if "." not in text or set(text) & set(":/"):
         return False
     return text in RENAMED or any(found.path == text for found in project.library.rules())
+
+
+def _refuse_unlike(project: Project, text: str) -> None:
+    """Refuse a name that is no recipe's but like a rule's, `factorize.mash` or `mesh`."""
+    if set(text) & set(":/") or project.recipe(text) is not None:
+        return
+    if near := did_you_mean(text.lower(), [found.path for found in project.library.rules()]):
+        raise UsageError(f"no recipe or rule is called `{text}`", code="DXB-U108", hint=near)
 
 
 def _config(project: Project, *, as_json: bool) -> int:
@@ -170,4 +209,6 @@ def _recipe(session: Session, *, as_json: bool) -> int:
         }
         for row in rows
     ]
-    return table.give("show.recipe", rows, as_json=as_json, cells=cells)
+    name = session.recipe
+    none = f"`{name}` was never built here; `dxb plan {name}` says what a build of it would run"
+    return table.give("show.recipe", rows, as_json=as_json, cells=cells, none=none)

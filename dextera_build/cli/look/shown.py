@@ -14,11 +14,12 @@ from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.artifacts.tasks.trials import Trials
 from dextera_build.building import fetch, part
 from dextera_build.cli import built
+from dextera_build.cli.built import PARTS
 from dextera_build.engine.graph import parse_address
 from dextera_build.errors import RuleError, UsageError, listing
 from dextera_build.explain import ancestors
 from dextera_build.policy.robot_run import REAL
-from dextera_build.project.planning import refuse_unknown
+from dextera_build.project.planning import inputs_to_give, refuse_unknown
 from dextera_build.report.wording import count
 from dextera_build.session import Session, notices
 
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
 
 Fill = Callable[[Any], Iterator[float]]
 """Fills a viewer, and gives the times of the further states of a recording [s]; each item moves the scene on."""
-PARTS = ("Background", "Support", "Capture")
-"""Artifacts that a twin's scene needs."""
 
 
 def of(session: Session, node: str, episode: str | None = None) -> Fill:
@@ -43,21 +42,32 @@ def of(session: Session, node: str, episode: str | None = None) -> Fill:
         UsageError: The recipe has nothing to show, or there is no such episode.
     """
     if not node:
+        _refuse_episode(session.recipe, episode)
         return _recipe(session)
     wanted = part.named(session, node)
     fetch.bring(session, [wanted.node] if wanted.node in session.history else [])
     artifact = part.artifact(session, wanted)
+    if isinstance(artifact, Episodes | Trials) and not wanted.fields:
+        return _episodes(session, node, artifact, episode)
+    _refuse_episode(f"{session.recipe}:{node}", episode)
     if wanted.fields:
         return _plain(artifact, node)
     if isinstance(artifact, TaskBundle):
         return _task(session, node, artifact)
-    if isinstance(artifact, Episodes | Trials):
-        return _episodes(session, node, artifact, episode)
     if isinstance(artifact, Scene):
         return _written(session, node, artifact)
     if isinstance(artifact, RobotModel):
         return _robot(node, artifact)
     return _plain(artifact, node)
+
+
+def _refuse_episode(target: str, episode: str | None) -> None:
+    if episode is not None:
+        raise UsageError(
+            f"`{target}` holds no episodes",
+            code="DXB-U324",
+            hint="`dxb ls RECIPE` lists nodes; `--episode` is for episodes",
+        )
 
 
 def _plain(artifact: Any, node: str) -> Fill:
@@ -176,15 +186,16 @@ def _recipe(session: Session) -> Fill:
 
 def _nothing(session: Session, missing: list[str]) -> UsageError:
     """The error for a recipe without anything to show; `missing` is empty if no build of it is known."""
+    build = f"dxb build {session.recipe}{inputs_to_give(session.project, session.recipe)}"
     if missing:
         return UsageError(
             f"`{session.recipe}` has no scene to show yet, and neither a task nor a robot",
             code="DXB-U113",
             facts={"missing": ", ".join(missing)},
-            hint=f"`dxb build {session.recipe}`, or name a node: `dxb view {session.recipe}:NODE`",
+            hint=f"`{build}`, or name a node: `dxb view {session.recipe}:NODE`",
         )
     refuse_unknown(session.project, session.recipe)
-    return UsageError(f"`{session.recipe}` was never built here", code="DXB-U113", hint=f"`dxb build {session.recipe}`")
+    return UsageError(f"`{session.recipe}` was never built here", code="DXB-U113", hint=f"`{build}`")
 
 
 def _as_written(session: Session, nodes: dict[str, list[str]], bare: list[str]) -> Fill:

@@ -39,7 +39,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--joint-speed", type=float, default=1.0, help="part of the joints' speed limits that the guard lets pass (1)"
     )
     parser.add_argument("--tip-force", type=float, help="force on a fingertip in newtons at which the guard stops it")
-    parser.add_argument("--port", type=int, default=PORT, help=f"port to listen on ({PORT}; 0: any free one)")
+    parser.add_argument("--port", type=options.port, default=PORT, help=f"port to listen on ({PORT}; 0: any free one)")
     parser.add_argument(
         "--host", default=LOCAL[0], metavar="ADDRESS", help="address to listen on (127.0.0.1: this machine alone)"
     )

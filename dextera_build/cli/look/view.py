@@ -7,6 +7,7 @@ import sys
 import time
 import webbrowser
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     text = "a recipe that was built, a node of it, or fields of its result"
     parser.add_argument("target", metavar="RECIPE[:NODE]", help=text)
-    parser.add_argument("--port", type=int, default=8080, help="port to listen on (8080, or the next free one)")
+    parser.add_argument(
+        "--port", type=options.port, default=8080, help="port to listen on (8080, or the next free one)"
+    )
     parser.add_argument(
         "--host", default="127.0.0.1", metavar="ADDRESS", help="address to listen on (127.0.0.1: this machine alone)"
     )
@@ -69,20 +72,20 @@ def _served(args: argparse.Namespace, session: Session, node: str) -> int:
         notices[stub] = None
     warn()  # the viewer runs until it is stopped
     viewer, url = server.start(args.port, args.host, args.allow_origin)
-    steps = fill(viewer)
-    if stub:
-        viewer.gui.add_markdown(f"**{stub}**")
-    if args.save:
-        return _save(args, session, node, viewer, steps)
     try:
-        # Before the address: a program that reads it may stop the viewer at once.
-        print("press Ctrl-C to stop", file=sys.stderr)
-        table.say("view", {"url": url}, url, as_json=args.json)
-        if not args.no_open:
-            webbrowser.open(url)
-        while True:
-            time.sleep(3600)
-    except KeyboardInterrupt:
+        steps = fill(viewer)
+        if stub:
+            viewer.gui.add_markdown(f"**{stub}**")
+        if args.save:
+            return _save(args, session, node, viewer, steps)
+        with suppress(KeyboardInterrupt):
+            # Before the address: a program that reads it may stop the viewer at once.
+            print("press Ctrl-C to stop", file=sys.stderr)
+            table.say("view", {"url": url}, url, as_json=args.json)
+            if not args.no_open:
+                webbrowser.open(url)
+            while True:
+                time.sleep(3600)
         return 0
     finally:
         server.stop(viewer)
@@ -91,13 +94,12 @@ def _served(args: argparse.Namespace, session: Session, node: str) -> int:
 def _save(args: argparse.Namespace, session: Session, node: str, viewer: Any, steps: Iterator[float]) -> int:
     from dextera_build.cli.build.shown import warn
     from dextera_build.cli.look import eyes
-    from dextera_build.view import save, server
+    from dextera_build.view import save
 
     path = Path(args.save)
     seen = eyes.of(session, node, args.episode) if path.suffix == ".rrd" else []
     with table.writing(path, hint=None):
         save.write(viewer, path, steps, args.target, seen)
-    server.stop(viewer)
     warn()
     size = path.stat().st_size
     table.say("view.file", {"file": str(path), "bytes": size}, f"{path}  {size / 1e6:.1f} MB", as_json=args.json)

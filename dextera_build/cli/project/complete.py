@@ -92,6 +92,27 @@ def _backends(prefix: str, **_: Any) -> list[str]:
     return [f"{rule}={name}" for name in found[rule].backends] if rule in found else []
 
 
+def _options(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
+    """`body.mesh.primitives.wall_m=` for each option of the nodes of the recipe that is named."""
+    from dextera_build.session import Session
+
+    named = getattr(parsed_args, "targets", None) or [
+        getattr(parsed_args, "target", "") or getattr(parsed_args, "node", "")
+    ]
+    found: dict[str, None] = {}
+    for path, call in Session(find(), named[0].partition(":")[0]).plan(incomplete=True).graph.calls():
+        for name, value in call.options.items():
+            inner = [f"{name}.{each}" for each in value] if isinstance(value, dict) and value else [name]
+            found |= dict.fromkeys(f"{'.'.join(path)}.{each}=" for each in inner)
+    return list(found)
+
+
+def _codes() -> list[str]:
+    from dextera_build.explain import error_codes
+
+    return error_codes.explained()
+
+
 def _words(*words: str) -> Callable[..., list[str]]:
     return lambda **_: list(words)
 
@@ -104,10 +125,11 @@ _COMPLETERS: dict[str, Callable[..., object]] = {
     **dict.fromkeys(("RECIPE[:TARGET]", "RECIPE[:NODE]", "RECIPE:NODE", "A", "B"), _targets),
     "RECIPE[:NODE]|RULE|RUN|CALL": _or_targets(_rules),
     "WHAT": _or_targets(_words("recipes", "rules", "backends", "profiles", "runs", "divergent", "calls")),
-    "VERB|CODE|RULE|TYPE": lambda **_: [*VERBS, *_rules()],
+    "VERB|CODE|RULE|TYPE": lambda **_: [*VERBS, *_codes(), *_rules()],
     "RUN|RECIPE": _runs,
     "NODE": _in_run,
     "RULE=NAME": _backends,
+    "NODE.OPTION=VALUE": _options,
     "force": lambda parsed_args, **_: [node for text in parsed_args.targets for node in _nodes(text.partition(":")[0])],
     "calls": _words("record", "replay", "refresh", "replace", "off"),
     "console": _words("live", "plain", "jsonl", "none"),

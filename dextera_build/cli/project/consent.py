@@ -7,7 +7,7 @@ import sys
 
 from dextera_build.calls.question import PHOTOGRAPH
 from dextera_build.cli import options, table
-from dextera_build.errors import UsageError, listing
+from dextera_build.errors import UsageError, did_you_mean, listing
 from dextera_build.project.project import Project
 from dextera_build.project.terms import consents
 
@@ -16,6 +16,8 @@ _ACTIONS = {
     "give": "agree that data of this project are sent to a service",
     "withdraw": "take consent back; nothing more is sent",
 }
+_KINDS = (PHOTOGRAPH, "mesh")
+"""Kinds of data as rules name them; a rule may name others."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -48,6 +50,9 @@ def _list(project: Project, args: argparse.Namespace) -> int:
 
 def _give(project: Project, args: argparse.Namespace) -> int:
     kinds = args.kinds or [PHOTOGRAPH]
+    for kind in kinds:
+        if kind not in _KINDS and (near := did_you_mean(kind, _KINDS)):  # rules may name kinds of their own
+            raise UsageError(f"no data are of the kind `{kind}`", code="DXB-U181", hint=near)
     consents(project).give(args.service, kinds, everywhere=args.everywhere)
     where = "every project" if args.everywhere else "this project"
     print(f"`{args.service}` may receive from {where}: {listing(kinds)}", file=sys.stderr)

@@ -8,6 +8,7 @@ import shlex
 import sys
 from pathlib import Path
 
+from dextera_build.cli.table import writing
 from dextera_build.errors import UsageError
 
 _CONFIG = """# Settings of this project; `dxb show --config` prints each value with its origin.
@@ -63,8 +64,9 @@ def run(args: argparse.Namespace) -> int:
         path = root / file
         if path.exists():
             continue
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
+        with writing(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text)
         print(path)
     cd = "" if root.resolve() == Path.cwd() else f"cd {shlex.quote(str(root))} && "
     print(_NEXT.format(capture=root / "capture", cd=cd, name=name), end="", file=sys.stderr)

@@ -6,11 +6,22 @@ import argparse
 import re
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from dextera_build.cli import options
-from dextera_build.cli.project import new_backend, new_board, new_capture, new_robot, new_seen, new_task, new_twin
-from dextera_build.errors import UsageError
+from dextera_build.cli.project import (
+    new_backend,
+    new_board,
+    new_capture,
+    new_robot,
+    new_seen,
+    new_task,
+    new_twin,
+    written,
+)
+from dextera_build.cli.table import writing
+from dextera_build.errors import RecipeError, UsageError
 from dextera_build.project.project import Project
 
 _RECIPE = """summary: What this builds, in one line.
@@ -111,13 +122,37 @@ def run(args: argparse.Namespace) -> int:
     for path in files:
         if path.exists():
             raise UsageError(f"`{path}` exists already", code="DXB-U191")
+    hidden = _hidden(project, args.kind, args.name)
     for path, text in files.items():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
+        with writing(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text)
         print(project.shown(path))
+    for line in hidden:
+        print(f"  {line}", file=sys.stderr)
     if note:
         print(f"note: {note}", file=sys.stderr)
+    print(f"  {_next(args.kind, args.name)}", file=sys.stderr)
     return 0
+
+
+def _next(kind: str, name: str) -> str:
+    """What to do with a new file."""
+    if kind == "recipe":
+        return f"edit it, then: dxb check {name}, dxb build {name} --input capture=FOLDER"
+    if kind == "rule":
+        return f"edit it, then use it in a recipe: `NODE: {{rule: {name}, image: $...}}`; dxb show {name}"
+    return f"edit it, then: dxb build RECIPE --backend {name}"
+
+
+def _hidden(project: Project, kind: str, name: str) -> list[str]:
+    """Lines about the rule or recipe from elsewhere whose place one of this name takes."""
+    if kind == "recipe":
+        return written.hidden(project, name)
+    with suppress(RecipeError):
+        there = project.shown(project.library.find(name).file) if kind == "rule" else ""
+        return [f"warning: {name} of this project now takes the place of the rule in {there}"] if there else []
+    return []
 
 
 def _made_elsewhere(args: argparse.Namespace) -> Callable[[argparse.Namespace], int] | None:
@@ -139,10 +174,12 @@ def _made_elsewhere(args: argparse.Namespace) -> Callable[[argparse.Namespace], 
     if args.kind in new_seen.KINDS:
         return new_seen.run
     if args.object or args.out or options.added(args):
+        joined = args.kind == "backend" and args.object and "=" not in args.name
+        wanted = f"{args.name}={args.object}" if joined else args.name
         raise UsageError(
             f"a {args.kind} takes its name and nothing else",
             code="DXB-U215",
-            hint=f"`dxb new {args.kind} {args.name}`; `-o`, an object and changes to a recipe are for scenes and masks",
+            hint=f"`dxb new {args.kind} {wanted}`; `-o`, an object and changes to a recipe are for scenes and masks",
         )
     return None
 

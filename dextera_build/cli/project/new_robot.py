@@ -76,10 +76,5 @@ def _told(project: Project, name: str, out: Path, copied: dict[Path, bytes]) -> 
         size = sum(map(len, copied.values())) / 1e6
         place = project.shown(project.root / "robots" / name)
         yield f"copied {count(len(copied), 'file')} ({size:.1f} MB) to {place}"
-    own = project.root / "recipes" / "robot" / f"{name}.yaml"
-    others = [folder / "robot" / own.name for folder in project.recipe_folders()]
-    if out.absolute() == own.absolute() and any(
-        each.is_file() and each.absolute() != own.absolute() for each in others
-    ):
-        yield f"warning: robot/{name} of this project now takes the place of dxb's recipe of the same name"
-        yield f"         to keep both, rename the file: recipes/robot/my_{name}.yaml"
+    if out.absolute() == (project.root / "recipes" / "robot" / f"{name}.yaml").absolute():
+        yield from written.hidden(project, f"robot/{name}")

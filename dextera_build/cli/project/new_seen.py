@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import shlex
 import sys
 from pathlib import Path
@@ -24,6 +25,7 @@ def run(args: argparse.Namespace) -> int:
         )
     out = Path(args.out or ("scene.yaml" if args.kind == "scene" else f"masks/{args.object}.png"))
     _refuse_existing(out)
+    _refuse_unwritable(out)
     from dextera_build.building.photographed import Photographed
     from dextera_build.cli.consoles import console
 
@@ -60,6 +62,16 @@ def _refuse_existing(out: Path) -> None:
             f"`{out}` exists already, and nothing of it was changed",
             code="DXB-U191",
             hint="`-o FILE` writes to another file; move or remove this one to have it written again",
+        )
+
+
+def _refuse_unwritable(out: Path) -> None:
+    """Refuse a file that cannot be written before the build, which takes a while."""
+    folder = next(each for each in out.absolute().parents if each.exists())
+    if not (folder.is_dir() and os.access(folder, os.W_OK)):
+        what = "may not be written to" if folder.is_dir() else "is no folder"
+        raise UsageError(
+            f"`{out}` cannot be written: `{folder}` {what}", code="DXB-U177", hint="`-o FILE` writes elsewhere"
         )
 
 

@@ -12,6 +12,7 @@ from dextera_build.cli.project import written
 from dextera_build.cli.project.init import twin_text
 from dextera_build.cli.table import writing
 from dextera_build.errors import UsageError
+from dextera_build.project.planning import refuse_unknown
 
 _AGAIN = """summary: {recipe} and a new photograph of its table, where the camera is now, and what moved.
 extends: {recipe}
@@ -52,7 +53,9 @@ def run(args: argparse.Namespace) -> int:
     out = Path(args.out) if args.out else place
     if out.exists():
         raise UsageError(f"`{out}` exists already", code="DXB-U191", hint="`-o FILE` writes to another file")
+    made, first = written.address(project, out, place)
     if args.moved_camera:
+        refuse_unknown(project, args.name)
         recipe = project.recipe(args.name)
         known = {*recipe.nodes, *recipe.inputs} if recipe is not None else set()
         if missing := [each for each in _NODES if each not in known]:
@@ -64,12 +67,13 @@ def run(args: argparse.Namespace) -> int:
         text, photograph, following = _AGAIN.format(recipe=args.name), "", "--input now=FOLDER"
     else:
         capture = f"captures/{args.name.rpartition('/')[2]}"
-        text, following = twin_text(args.name, capture), ""
+        text, following = twin_text(made, capture), ""
         photograph = f"put a photograph into `{capture}`: rgb.png, depth.png and capture.json; "
     with writing(out):
         out.parent.mkdir(parents=True, exist_ok=True)
         out.write_text(text)
     print(project.shown(out.absolute()))
-    made, first = written.address(project, out, place)
+    for line in [] if first else written.hidden(project, made):
+        print(f"  {line}", file=sys.stderr)
     print(f"  {photograph}{first}then: dxb build {made} {following}".rstrip(), file=sys.stderr)
     return 0

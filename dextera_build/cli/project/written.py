@@ -26,3 +26,16 @@ def address(project: Project, out: Path, place: Path) -> tuple[str, str]:
         str(place.relative_to(recipes).with_suffix("")),
         f"commands find recipes below `recipes/` alone: move it to {shown}, ",
     )
+
+
+def hidden(project: Project, address: str) -> list[str]:
+    """Lines of a warning if a recipe of this address in the project takes the place of one of dxb's."""
+    own = project.root.absolute() / "recipes"
+    others = [folder / f"{address}.yaml" for folder in project.recipe_folders() if folder.absolute() != own]
+    if not any(each.is_file() for each in others):
+        return []
+    group, _, name = address.rpartition("/")
+    return [
+        f"warning: {address} of this project now takes the place of dxb's recipe of the same name",
+        f"         to keep both, rename the file: recipes/{group}/my_{name}.yaml",
+    ]

@@ -95,7 +95,8 @@ def _create(args: argparse.Namespace) -> int:
         signature, key = sign.seal(made.digest, Path(args.sign))
         made.attach(signature)
         print(f"signed with {key.id}", file=sys.stderr)
-    made.write(Path(args.out))
+    with table.writing(Path(args.out)):
+        made.write(Path(args.out))
     told = {"file": args.out, "digest": f"sha256:{made.digest}"}
     return table.give("bundle.create", told, as_json=args.json)
 

@@ -73,7 +73,8 @@ def take(args: argparse.Namespace) -> int:
 def keygen(args: argparse.Namespace) -> int:
     """Make a pair of keys; print the path of the public one and the key's id."""
     path = Path(args.file)
-    key = sign.generate(path, args.name or f"{getpass.getuser()}@{platform.node()}")
+    with table.writing(path):
+        key = sign.generate(path, args.name or f"{getpass.getuser()}@{platform.node()}")
     return table.give("bundle.keygen", {"file": f"{path}.pub", "key": key.id}, as_json=args.json)
 
 

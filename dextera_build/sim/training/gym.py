@@ -225,7 +225,7 @@ def opened(bundle: TaskBundle | str | Path) -> TaskBundle:
     Raises:
         ArtifactError: The file is damaged, or contains something else.
     """
-    return bundle if isinstance(bundle, TaskBundle) else unpack(TaskBundle, Path(bundle).read_bytes())
+    return bundle if isinstance(bundle, TaskBundle) else unpack(TaskBundle, Path(bundle).read_bytes(), f"`{bundle}`")
 
 
 def _chosen(terms: tuple[Term, ...], pictures: tuple[Picture, ...], privileged: bool) -> tuple[Term, ...]:
