@@ -6,8 +6,8 @@ where r^2 = 1 - a_k, and without their limit of its strength, this is
 
     clean' = clean + (1 / sqrt(a_k)) (d clean / d mixed)^T W (Y - clean).
 
-The derivative of a network that tells the actions falls towards 0 in the last passes, where hardly any noise is left, so
-that even steps of weight 1 come out otherwise (measured, in the page of benchmarks). Here the Jacobian is that of a
+The derivative of a network that tells the actions falls towards 0 in the last passes, where hardly any noise is left,
+so that even steps of weight 1 come out otherwise (measured, in the page of benchmarks). Here the Jacobian is that of a
 sample with unit variance, sqrt(a_k), which leaves
 
     clean' = clean + W (Y - clean):
