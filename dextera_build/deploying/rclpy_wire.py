@@ -206,5 +206,5 @@ def _unusable(python: str, why: str) -> MachineError:
         f"`{python}` cannot run a node of rclpy",
         code="DXB-E450",
         facts={"reason": why},
-        hint=f"`source /opt/ros/DISTRIBUTION/setup.bash` first, or name a Python with rclpy in {PYTHON}",
+        hint=f"source the `setup.bash` of ROS 2 in this terminal, or name a Python with rclpy in {PYTHON}",
     )

@@ -17,6 +17,7 @@ import numpy as np
 
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.deploying import wire
+from dextera_build.deploying.apart import Apart
 from dextera_build.deploying.faults import JUMP_NS, LATE_S, LOST, Fault, FaultKind
 from dextera_build.deploying.plans import Command, Plans
 from dextera_build.deploying.topics import SIMULATED, STATUS, Commanded, Topics, beside, offered
@@ -85,7 +86,7 @@ class SimulatedRobot:
         topics: Topics of the robot.
         environment: The world, in which an episode was begun.
         simulation: Sensors and network.
-        look: Gives the frames of the current state by the cameras of `topics`; None: there is no camera.
+        look: Gives the frames of the current state by the cameras of `topics`, at once or apart; None: there is none.
         camera: Its intrinsics, which are published with the pictures; None: they are not.
     """
 
@@ -95,7 +96,7 @@ class SimulatedRobot:
         topics: Topics,
         environment: Environment,
         simulation: Simulation = Simulation(),
-        look: Callable[[], Frames] | None = None,
+        look: Callable[[], Frames] | Apart | None = None,
         camera: Camera | None = None,
     ) -> None:
         self._transport, self._topics, self.environment = transport, topics, environment
@@ -194,10 +195,20 @@ class SimulatedRobot:
                 self._transport.publish(offered(self._topics.displacement), inner)
         if self._look is None or self._faulty("pictures_stop"):
             return
-        if not (self._shown and self._faulty("pictures_freeze")):
-            self._shown = {
-                name: (packed(np.asarray(frame.rgb), "jpeg"), frame.depth) for name, frame in self._look().items()
-            }
+        if self._shown and self._faulty("pictures_freeze"):
+            self._tell_frames(stamp)
+        elif isinstance(self._look, Apart):
+            self._look.ask(partial(self._show, stamp))
+        else:
+            self._show(stamp, self._look())
+
+    def _show(self, stamp: int, frames: Frames) -> None:
+        """Publish frames, in the thread that made them."""
+        self._shown = {name: (packed(np.asarray(frame.rgb), "jpeg"), frame.depth) for name, frame in frames.items()}
+        if not self._faulty("cut"):
+            self._tell_frames(stamp)
+
+    def _tell_frames(self, stamp: int) -> None:
         for camera, (picture, depth) in self._shown.items():
             topic = self._topics.pictures[camera]
             if self._arrives():

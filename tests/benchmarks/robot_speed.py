@@ -19,12 +19,14 @@ from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.deploying.ahead import Ahead, Chunked
 from dextera_build.deploying.cell import GUARDED, Safety
+from dextera_build.deploying.continuing import Continuing
 from dextera_build.policy.cell import Guard
 from dextera_build.policy.observation import Frames, Measurement
 from dextera_build.policy.running import Policy
 from dextera_build.project.project import find
 from dextera_build.running import called
 from dextera_build.session import Session
+from dextera_build.sim.runtime import policies as loading
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.rollout import closed_loop
 from dextera_build.sim.runtime.seeds import seed_of
@@ -74,7 +76,12 @@ def rollout(bundle: TaskBundle, policy: Policy, safety: Safety | None) -> Trial:
 
 
 def run(
-    bundle: TaskBundle, policy: Policy, safety: Safety, answer_s: float | None = None, forget: float | None = None
+    bundle: TaskBundle,
+    policy: Policy,
+    safety: Safety,
+    answer_s: float | None = None,
+    forget: float | None = None,
+    continuing: Continuing | None = None,
 ) -> Trial:
     """As `dxb run` does on a simulated robot; with `answer_s`, asynchronously, and every answer takes as long [s]."""
     needed = tuple(channel.name for channel in policy.contract.inputs)
@@ -92,6 +99,7 @@ def run(
                 answer_s=safety.answer_s,
                 now=lambda: rig.time,
                 worker=Slow(rig, [answer_s]),
+                continuing=continuing,
             )
         rig.sleep(3.0)  # as long as the checks before a run listen
         rig.drive(acting, bundle.task.timeout_s)
@@ -117,6 +125,7 @@ def main() -> None:
     parser.add_argument(
         "--of-trials", action="store_true", help="the starts of evaluate.rollouts, not those of dxb robot"
     )
+    parser.add_argument("--only", default="", help="the ways with this in their names")
     args = parser.parse_args()
     seeds = [seed_of("trial", 0, number) if args.of_trials else number for number in range(args.trials)]
     project = find(args.project)
@@ -128,6 +137,7 @@ def main() -> None:
         assert isinstance(bundle, TaskBundle)
         assert isinstance(checkpoint, Checkpoint)
         policy = policies.load(checkpoint, bundle)
+        continuing = Continuing(policies.runner(checkpoint.contract.algorithm))
         half, full = speeds(0.5, 1.5), speeds(1.0, 0.0)
         trials = {
             "`evaluate.rollouts`": rollout(bundle, policy, None),
@@ -138,6 +148,13 @@ def main() -> None:
             "the same with the newest answer alone": run(bundle, policy, half, 0.02, NEWEST),
             "`dxb run --asynchronous`, answers in 100 ms": run(bundle, policy, half, 0.1),
         }
+        if checkpoint.contract.algorithm == "diffusion":
+            joined = loading.load(continuing, checkpoint, bundle)
+            trials |= {
+                "`dxb run --asynchronous`, answers in 200 ms": run(bundle, policy, half, 0.2),
+                "`dxb run --real-time-chunking`, answers in 200 ms": run(bundle, joined, half, 0.2, None, continuing),
+            }
+        trials = {name: each for name, each in trials.items() if args.only in name}
         print("| way | success | starts |\n|---|---|---|")
         for name, trial in trials.items():
             won = [trial(seed) for seed in seeds]

@@ -7,7 +7,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
 from dextera_build.cli import built, options, table
@@ -16,15 +16,16 @@ from dextera_build.cli.robot import connected, episodes
 if TYPE_CHECKING:
     from dextera_build.artifacts.robots.cell import Cell
     from dextera_build.cli.robot.connected import Connected
+    from dextera_build.deploying.apart import Opens
     from dextera_build.deploying.faults import Fault
     from dextera_build.deploying.simulated import SimulatedRobot
     from dextera_build.policy.observation import Frames
     from dextera_build.sim.runtime.environment import Environment
 
-    Look = Callable[[], Frames] | None
-
 MOST_CLOCK_S = 1e6
 """Most by which the clock of the stamps may be off [s]."""
+SWITCH_S = 0.001
+"""How long the camera may keep the interpreter from the joint states [s]."""
 LATE_S = 0.5
 """Time by which a simulation may be late before it starts anew from the present time [s]."""
 
@@ -72,6 +73,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Simulate until interrupted; what happened goes to stdout."""
+    from dextera_build.deploying.apart import Apart
     from dextera_build.deploying.simulated import SimulatedRobot, Simulation, facts
     from dextera_build.sim.runtime.environment import Environment
 
@@ -89,9 +91,10 @@ def run(args: argparse.Namespace) -> int:
         seed=args.seed,
     )
     topics, camera = (here.topics, None) if cell is None else (connected.watched(args, here), cell.camera)
-    with _looking(here, cell, environment, args) as look:
-        if look is not None:
-            look()  # the first one takes long, and would arrive as late as if a clock had been set
+    opens = _opens(here, cell, args)
+    # Frames take long: joint states, which the guard of a run waits for, are not held up by them.
+    sys.setswitchinterval(SWITCH_S)
+    with nullcontext() if opens is None else Apart(environment, opens) as look:
         robot = SimulatedRobot(transport, topics, environment, simulation, look, camera)
         print(
             f"simulated robot in domain {args.domain} by {args.transport}; press Ctrl-C to stop",
@@ -137,24 +140,28 @@ def _cell(args: argparse.Namespace) -> Cell | None:
     return built.artifact(args, args.cell, Cell) if args.cell else None
 
 
-@contextmanager
-def _looking(here: Connected, cell: Cell | None, environment: Environment, args: argparse.Namespace) -> Iterator[Look]:
-    """Gives frames of the stated cameras; None: there is none."""
-    import numpy as np
+def _opens(here: Connected, cell: Cell | None, args: argparse.Namespace) -> Opens | None:
+    """Opens the stated cameras of a world; None: there is none."""
+    if cell is None and not here.views:
+        return None
 
-    from dextera_build.policy.observation import Frame
-    from dextera_build.sim.observe import pictures
-    from dextera_build.sim.runtime.cell_camera import CellCamera
+    @contextmanager
+    def opens(environment: Environment) -> Iterator[Callable[[], Frames]]:
+        import numpy as np
 
-    if cell is not None:
+        from dextera_build.policy.observation import Frame
+        from dextera_build.sim.observe import pictures
+        from dextera_build.sim.runtime.cell_camera import CellCamera
+
+        if cell is None:
+            with pictures.live(environment, here.views, ("rgb", "depth")) as look:
+                yield look
+            return
         random = np.random.default_rng([args.seed, cell.seed, 3])
         with CellCamera(environment, cell) as camera:
             yield lambda: {args.camera: Frame(*camera.measured(camera.picture(), random))}
-    elif here.views:
-        with pictures.live(environment, here.views, ("rgb", "depth")) as look:
-            yield look
-    else:
-        yield None
+
+    return opens
 
 
 def _ticking(robot: SimulatedRobot, seconds: float) -> int:

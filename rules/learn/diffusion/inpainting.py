@@ -6,9 +6,9 @@ where r^2 = 1 - a_k, and without their limit of its strength, this is
 
     clean' = clean + (1 / sqrt(a_k)) (d clean / d mixed)^T W (Y - clean).
 
-A network that tells the actions from what was observed hardly looks at a mixed window that is nearly all noise, so that
-its Jacobian is nearly 0 in the passes that decide, and the correction is too weak to keep the known steps (measured, in
-the page of benchmarks). Here the Jacobian is that of a sample with unit variance, sqrt(a_k), which leaves
+The derivative of a network that tells the actions falls towards 0 in the last passes, where hardly any noise is left,
+so that even steps of weight 1 come out otherwise (measured, in the page of benchmarks). Here the Jacobian is that of a
+sample with unit variance, sqrt(a_k), which leaves
 
     clean' = clean + W (Y - clean):
 
