@@ -50,16 +50,16 @@ def exchange(ctx: Context, world: World, things: Collection[Thing], *, options: 
     is that of their volume, and it needs convex pieces.
     """
     objects = dict(world.objects)
-    for name, other in options.objects.items():
+    for name, put in options.objects.items():
         ctx.check(name in objects, f"the world has no object `{name}`", objects=listing(objects))
-        ctx.check(other.thing in things.items, f"there is no thing `{other.thing}`", things=listing(things.items))
-        objects[name] = _placed(things.items[other.thing], objects[name].pose.matrix, other)
-        _check(ctx, other.thing, objects[name])
+        ctx.check(put.thing in things.items, f"there is no thing `{put.thing}`", things=listing(things.items))
+        objects[name] = _placed(things.items[put.thing], objects[name].pose.matrix, put)
+        _check(ctx, put.thing, objects[name])
     for one, other in itertools.combinations(objects, 2):
         if {one, other} & set(options.objects):
             apart = solids.gap(_posed(objects[one]), _posed(objects[other])) > 0
             ctx.check(apart, f"`{one}` and `{other}` run into each other", hint="take something smaller, or turn it")
-    ctx.say(", ".join(f"{name} is {other.thing}" for name, other in options.objects.items()))
+    ctx.say(", ".join(f"{name} is {put.thing}" for name, put in options.objects.items()))
     return world.model_copy(update={"objects": objects})
 
 
