@@ -106,12 +106,15 @@ def practise(
     """
     environment = driver.environment
     task = environment.task
-    environment.begin(starts.photographed(environment.bundle, environment.model))
+    photographed = starts.photographed(environment.bundle, environment.model)
+    environment.begin(photographed)
     candidates: list[Candidate] = []
     failed: Counter[str] = Counter()
     refused: Counter[str] = Counter()
     likeliest: Operator | None = None
     for limbs, expert in teams(environment):
+        # Every search knows the sizes of the photographed start, whatever an earlier one looked at.
+        environment.begin(photographed)
         for limb in limbs:
             _check_hand(environment.bundle.robot, limb, expert.against)
         reach = Reach(environment.bundle.robot, *limbs)
