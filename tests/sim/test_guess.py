@@ -11,7 +11,7 @@ import pytest
 
 from dextera_build.errors import RuleError
 from dextera_build.geometry import quaternions
-from dextera_build.sim.model.imported import guess
+from dextera_build.sim.model.imported import guess, hands
 from dextera_build.sim.model.imported.source import Source
 
 SLIDE = mujoco.mjtJoint.mjJNT_SLIDE
@@ -80,6 +80,17 @@ def test_an_arm_alone_pushes_with_its_end():
     assert np.linalg.norm(ends[0] - ends[1]) == pytest.approx(np.linalg.norm(ends[2] - ends[3]))
     np.testing.assert_allclose(quaternions.to_matrix(made.frames["palm"].spot.turn)[:, 2], [0, 0, 1], atol=1e-9)
     assert tool.name == "tool0"
+
+
+def test_the_sides_of_a_tool_are_where_its_shapes_are():
+    box = np.array([[x, y, 0.0] for x in (-0.04, 0.04) for y in (-0.02, 0.02)])
+    sides = hands.rim(box, np.zeros(3), np.eye(3))
+    np.testing.assert_allclose(sides["tip_front"], (0.04, 0.0), atol=1e-12)
+    np.testing.assert_allclose(sides["tip_right"], (0.0, -0.02), atol=1e-12)
+    # Between two fingers there is nothing that pushes.
+    fingers = np.concatenate([box * [0.1, 1, 1] + [0.07, 0, 0], box * [0.1, 1, 1] - [0.07, 0, 0]])
+    x, y = hands.rim(fingers, np.zeros(3), np.eye(3))["tip_left"]
+    assert (abs(x), y) == pytest.approx((0.07, 0.02))
 
 
 @pytest.mark.parametrize("length", [2, 4])

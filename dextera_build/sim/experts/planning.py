@@ -22,7 +22,7 @@ from dextera_build.sim.runtime.environment import Environment
 
 Progress = Callable[[int, int, str], None]
 PLANNED = 3
-"""Number of random starts from which candidates are searched, in addition to the photographed one."""
+"""Largest number of random starts from which candidates are searched, in addition to the photographed one."""
 SHOWN = 4
 """Number of reasons of failures that an error shows."""
 FREE = 6
@@ -119,7 +119,7 @@ def practise(
             _check_hand(environment.bundle.robot, limb, expert.against)
         reach = Reach(environment.bundle.robot, *limbs)
         search = Search(environment, reach, CollisionCheck(environment, reach), driver.state(), min(ENOUGH, 4 * good))
-        found = _found(driver, expert, search)
+        found = _found(driver, expert, search, min(PLANNED, good - 1))
         refused += search.room.refused
         if not found:
             continue
@@ -159,12 +159,12 @@ def _reasons(failed: Counter[str]) -> dict[str, str]:
     return {"failed": told} if told else {}
 
 
-def _found(driver: Driver, expert: Expert, search: Search) -> list[Candidate]:
-    """Candidates from several starts in turn, because reachability differs between starts."""
+def _found(driver: Driver, expert: Expert, search: Search, more: int) -> list[Candidate]:
+    """Candidates from the photographed start and `more` drawn ones in turn, because reachability differs."""
     environment = driver.environment
     found: dict[str, Candidate] = {}
     plans: list[list[Candidate]] = []
-    for start in [starts.photographed(environment.bundle, environment.model), *drawn(driver, PLANNED)]:
+    for start in [starts.photographed(environment.bundle, environment.model), *drawn(driver, more)]:
         environment.begin(start)
         here = replace(search, state=driver.state())
         plans.append([replace(each, start=start) for each in expert.plan(here)])

@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize
 
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.geometry import lie
-from dextera_build.sim.model import reach
+from dextera_build.sim.model import hand_down, reach
 from dextera_build.sim.model.forward import Kinematics
 
 BEHIND_M = 0.55
@@ -25,12 +24,6 @@ RAISED, ABOVE = 0.45, 0.25
 in the same lengths."""
 
 
-LOOKED, MIDDLE, HEIGHTS_M = (0.2, 0.6), 0.4, (0.05, 0.2)
-"""Distances that are looked at, and the one in the middle, in the same lengths; heights of the palm above the table, at
-an object and raised [m]."""
-MISSED_M, FREE_RAD, ROOM_RAD = 0.003, 0.35, 1e-3
-"""Largest error of a pose that an arm reaches; distance of joints from their limits, above which more is no better;
-distance of the first guess from them."""
 TO_CAMERA_DEG = 270.0
 """Direction from the objects' far side to the camera, about z of the twin's world [deg]."""
 
@@ -113,56 +106,8 @@ def _arms(robot: RobotModel) -> _Arms | None:
     turned = joints @ lie.rotation(np.array([0.0, 0.0, -angle])).T
     up = float(palms[:, 2].mean())
     height = ABOVE * length - up if up > RAISED * length else 0.0
-    away = _away(kinematics, limbs[0], joints[0], length, angle, height)
+    away = hand_down.distance(kinematics, limbs[0], joints[0], length, angle, height)
     if away is None:
         far = float(np.hypot(x, y)) if angle else float(x)
         away = float(np.clip(far, NEAREST * length, FARTHEST * length))
     return _Arms(turned[:, :2], lengths, float(turned[:, 0].mean()) + away, height, -float(np.degrees(angle)))
-
-
-def _away(
-    kinematics: Kinematics, limb: str, joint: np.ndarray, length: float, angle: float, height: float
-) -> float | None:
-    """Distance [m] from an arm's first joint `joint` (3,) at which its hand, which points down, goes from an object up.
-
-    Of those that it reaches, one at which no joint is near a limit, and neither folded nor stretched; None if there is
-    none.
-    """
-    home, names = kinematics.robot.home, kinematics.robot.limbs[limb].arm
-    joints = {each.name: each for each in kinematics.robot.joints}
-    low, high = (np.array([getattr(joints[name], end) for name in names]) for end in ("lower", "upper"))
-    palm = kinematics.frame(kinematics.robot.limbs[limb].palm)
-    down = int(np.argmin(palm[2, :3]))
-    turn = _level(palm[:3, :3], down)
-    along = np.array([np.cos(angle), np.sin(angle), 0.0])
-    beside = palm[:3, 3] - joint
-    beside = (beside - (beside @ along) * along) * [1.0, 1.0, 0.0]
-
-    def missed(posture: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-        kinematics.pose(dict(zip(names, posture.tolist(), strict=True)))
-        now = kinematics.frame(kinematics.robot.limbs[limb].palm)
-        # A turn by one radian counts as 0.3 m.
-        return np.concatenate([now[:3, 3] - wanted, 0.3 * lie.rotation_vector(now[:3, :3] @ turn.T)])
-
-    found: dict[float, float] = {}
-    seed = np.clip([home[name] for name in names], low + ROOM_RAD, high - ROOM_RAD)
-    for far in np.linspace(*LOOKED, 9) * length:
-        room = FREE_RAD
-        for up in HEIGHTS_M:
-            wanted = np.append((joint + far * along + beside)[:2], up - height)
-            solved = optimize.least_squares(missed, seed, bounds=(low, high), args=(wanted,), max_nfev=40)
-            if float(np.abs(solved.fun).max()) > MISSED_M:
-                break
-            room = min(room, float(np.minimum(solved.x - low, high - solved.x).min()))
-        else:
-            found[float(far)] = room - abs(far / length - MIDDLE)
-    kinematics.pose({})
-    return max(found, key=found.__getitem__) if found else None
-
-
-def _level(turn: np.ndarray, down: int) -> np.ndarray:
-    """The rotation (3, 3) next to `turn` of which column `down` points straight down."""
-    axis, straight = turn[:, down], np.array([0.0, 0.0, -1.0])
-    across = np.cross(axis, straight)
-    angle = float(np.arctan2(np.linalg.norm(across), axis @ straight))
-    return np.asarray(lie.rotation(across / max(float(np.linalg.norm(across)), 1e-9) * angle) @ turn)

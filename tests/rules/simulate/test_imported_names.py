@@ -103,10 +103,11 @@ def test_a_joint_above_the_palm_is_the_arms_though_its_link_is_a_part_of_the_han
 
 
 def test_moments_of_a_plate_stay_those_of_a_body_when_a_file_rounds_them():
-    plate = np.array([1.23456789e-4, 3.456789e-5, 1.5802469e-4])  # the largest equals the sum of the others
+    plate = np.array([1.23456789e-4, 3.456789e-5, 1.5805e-4])  # the largest exceeds the sum of the others by 0.02 %
+    assert inertia.fault(1.0, plate) == ""
     rounded = [float(f"{value:.6g}") for value in inertia.balanced(plate)]
     assert sorted(rounded)[2] < sum(sorted(rounded)[:2])
-    np.testing.assert_allclose(inertia.balanced(plate), plate, rtol=1e-4)
+    np.testing.assert_allclose(inertia.balanced(plate), plate, rtol=1e-3)
     assert (inertia.balanced(np.array([1.0, 1.0, 1.0])) == 1.0).all()
 
 

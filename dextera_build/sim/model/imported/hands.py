@@ -21,8 +21,8 @@ BACK_M = 0.03
 """Distance of the palm's frame behind the tips of a gripper [m]."""
 SIDE_M, WIDE_M = 0.04, 0.08
 """Height of the sides of a tool's end that meet an object, and their largest distance from its middle [m]."""
-RIM_M = 0.003
-"""Depth of a side of a tool's end [m]."""
+RIM_M, APART_M = 0.003, 0.05
+"""Depth of a side of a tool's end, and distance of its points from their middle above which they are several [m]."""
 SWING_RAD = 1.2
 """Largest opening of a jaw that turns, from closed [rad]."""
 _STRAIGHT = 0.7
@@ -161,7 +161,10 @@ def rim(points: np.ndarray, tip: np.ndarray, axes: np.ndarray) -> dict[str, tupl
     found = {}
     for role, way in {"tip_front": (1, 0), "tip_back": (-1, 0), "tip_left": (0, 1), "tip_right": (0, -1)}.items():
         along = near @ way
-        # The middle of what is farthest: a side of a box, one of two fingers.
-        x, y = np.clip(near[along > along.max() - RIM_M].mean(axis=0), -WIDE_M, WIDE_M).tolist()
+        farthest = near[along > along.max() - RIM_M]
+        # The middle of the side of a box; of two fingers, one, because nothing is between them.
+        if float(np.linalg.norm(farthest - farthest.mean(axis=0), axis=1).min()) > APART_M:
+            farthest = farthest[np.linalg.norm(farthest - farthest[0], axis=1) < APART_M]
+        x, y = np.clip(farthest.mean(axis=0), -WIDE_M, WIDE_M).tolist()
         found[role] = (x, y)
     return found

@@ -9,8 +9,9 @@ RADIUS_M = 0.001
 _EXCESS = 1.001
 """Largest moment as a fraction of the sum of the others that passes, for rounded numbers in files."""
 
-_MARGIN = 1e-5
-"""Part of the largest moment by which the sum of the others exceeds it at least; MJCF has six digits."""
+_MARGIN, _ROUNDING = 1e-5, 1e-9
+"""Part of the largest moment by which the sum of raised ones exceeds it, because MJCF has six digits; part of it that
+is a rounding error."""
 
 
 def fault(mass: float, moments: np.ndarray) -> str:
@@ -44,10 +45,14 @@ def repaired(mass: float, moments: np.ndarray) -> np.ndarray:
 
 
 def balanced(moments: np.ndarray) -> np.ndarray:
-    """`moments` (3,) of which the largest stays below the sum of the others when a file rounds them [kg m^2]."""
+    """`moments` (3,) of which the largest is not above the sum of the others [kg m^2].
+
+    MuJoCo loads no others. What is raised stays below the sum when a file rounds it.
+    """
     made, order = np.array(moments, np.float64), np.argsort(moments)
-    lacking = (1 + _MARGIN) * made[order[2]] - made[order[0]] - made[order[1]]
-    made[order[:2]] += max(0.0, lacking) / 2
+    low, middle, high = made[order]
+    if low + middle < high * (1 - _ROUNDING):
+        made[order[:2]] += ((1 + _MARGIN) * high - low - middle) / 2
     return made
 
 
