@@ -109,8 +109,7 @@ def practise(
     photographed = starts.photographed(environment.bundle, environment.model)
     environment.begin(photographed)
     candidates: list[Candidate] = []
-    failed: Counter[str] = Counter()
-    refused: Counter[str] = Counter()
+    failed, refused = Counter[str](), Counter[str]()
     likeliest: Operator | None = None
     for limbs, expert in teams(environment):
         # Every search knows the sizes of the photographed start, whatever an earlier one looked at.

@@ -11,7 +11,6 @@ from dextera_build.artifacts.robots.limb import ONLY, limb_of
 from dextera_build.artifacts.robots.robot import Grip, Gripper, Limb, RobotModel
 from dextera_build.errors import did_you_mean, listing
 from dextera_build.rule import Context, Options
-from dextera_build.sim.model import fingertips
 
 PART = 0.15
 """How far a gripper that pushes is open, as a part of its stroke."""
@@ -195,6 +194,8 @@ def _closing(robot: RobotModel, limb: Limb, gripper: Gripper | None) -> dict[str
     """The grips of a parallel gripper whose palm frame has z towards the object: it pinches, and pushes when closed."""
     if gripper is None:
         return {}
+    from dextera_build.sim.model import fingertips
+
     ahead = (0.0, 0.0, 1.0)
     opened, closed = {gripper.joint: gripper.open}, {gripper.joint: gripper.closed}
     # Fingers that press on one another would be in collision on the whole way.

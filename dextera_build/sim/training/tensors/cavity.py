@@ -9,15 +9,15 @@ import torch
 from torch import Tensor
 
 from dextera_build.artifacts.tasks.task import Cavity
-from dextera_build.sim.primitives.pick_and_place.primitive import SKIN_M
 from dextera_build.sim.training.tensors.cells import constant
 
 
-def in_cavity(cavity: Cavity, points: np.ndarray, pose: Tensor, container: Tensor) -> Tensor:
+def in_cavity(cavity: Cavity, skin_m: float, points: np.ndarray, pose: Tensor, container: Tensor) -> Tensor:
     """Whether all points of an object are in a cavity (N,), as `pick_and_place.primitive.inside` of one world.
 
     Args:
         cavity: Cavity in the container's frame.
+        skin_m: How far a point may be in the walls [m].
         points: Points of the object in its frame (P, 3) [m].
         pose: T_world_object (N, 4, 4).
         container: T_world_container (N, 4, 4).
@@ -35,6 +35,6 @@ def in_cavity(cavity: Cavity, points: np.ndarray, pose: Tensor, container: Tenso
             there = (row >= 0) & (row < rim.shape[0]) & (column >= 0) & (column < rim.shape[1])
             row, column = row.clamp(0, rim.shape[0] - 1), column.clamp(0, rim.shape[1] - 1)
             low, high = floor[row, column], rim[row, column]
-            between = (local[..., 2] >= low - SKIN_M) & (local[..., 2] <= high + SKIN_M)
+            between = (local[..., 2] >= low - skin_m) & (local[..., 2] <= high + skin_m)
             found |= there & (high - low > 0) & between
     return found.all(dim=1)

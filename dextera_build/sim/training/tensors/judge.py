@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
@@ -34,7 +35,8 @@ class TensorJudge:
             cavity, points = self.primitive.objects[into].cavity, self.primitive.objects[task.object].points
             assert cavity is not None
             placed: Any = self.primitive
-            placed._inside = lambda pose, other: in_cavity(cavity, points, pose, other)
+            skin_m = sys.modules[type(placed).__module__].SKIN_M  # not imported: primitives are in no key but their own
+            placed._inside = lambda pose, other: in_cavity(cavity, skin_m, points, pose, other)
         self.start, self._hold_s = start, task.hold_s
         self._past = _begun(start)
         self._held_at_reset = self._holds(start, self._past)
