@@ -163,8 +163,9 @@ def filmed(stream: IO[bytes], name: str, bundle: TaskBundle) -> tuple[RobotRun, 
 def evenly(run: RobotRun) -> RobotRun:
     """The run at even times, as if no command had been late, with the joints of the times of the commands.
 
-    Joints are interpolated between the newest joint states; a command lasts until the next one. Poses of objects are
-    those that were given in the same period.
+    Joints are interpolated between the newest joint states. Targets that were sent are those that a controller reaches
+    at the end of each period; between two commands that were far apart in time it waits. Poses of objects are those
+    that were given in the same period.
     """
     period, sent = round(reading.SECOND / float(run.about["rate_hz"])), run.commanded
     if len(sent) < 2:
@@ -180,8 +181,21 @@ def evenly(run: RobotRun) -> RobotRun:
         commanded=times,
         measured=(*measured, *run.measured[len(sent) :]),
         requested=run.requested[rows],
-        sent=run.sent[rows],
+        sent=_reached(times + period, run, period),
     )
+
+
+def _reached(times: np.ndarray, run: RobotRun, period: int) -> np.ndarray:
+    """Targets (N, A) at times (N,) [ns] of a controller that goes to each command in a straight line of one period."""
+    first = run.commanded[0]
+    knots, values = [0], [run.joints[0]]
+    for time, target in zip(run.commanded - first, run.sent, strict=True):
+        # A command that comes before the last one is reached replaces it.
+        here = np.array([np.interp(time, knots, column) for column in np.transpose(values)])
+        kept = [at < time for at in knots]
+        knots = [at for at, keep in zip(knots, kept, strict=True) if keep] + [time, time + period]
+        values = [value for value, keep in zip(values, kept, strict=True) if keep] + [here, target]
+    return np.stack([np.interp(times - first, knots, column) for column in np.transpose(values)], axis=-1)
 
 
 def _read(stream: IO[bytes], name: str, bundle: TaskBundle, camera: str) -> _Found:
