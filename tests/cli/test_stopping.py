@@ -119,13 +119,16 @@ def test_any_key_of_the_terminal_stops_and_the_terminal_is_as_before(monkeypatch
 
 
 def test_a_signal_stops_and_a_second_one_interrupts() -> None:
-    halt, before = threading.Event(), signal.getsignal(signal.SIGINT)
-    with stopping.signals(halt):
-        signal.raise_signal(signal.SIGINT)
-        assert halt.is_set()
-        with pytest.raises(KeyboardInterrupt):
+    halt, before = threading.Event(), signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in background
+    try:
+        with stopping.signals(halt):
             signal.raise_signal(signal.SIGINT)
-    assert signal.getsignal(signal.SIGINT) is before
+            assert halt.is_set()
+            with pytest.raises(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGINT)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_a_terminal_that_ends_stops_and_leaves_time_to_close_the_recording() -> None:

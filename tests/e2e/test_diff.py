@@ -127,7 +127,7 @@ def test_what_was_lost_is_told(space):
         (["0001:al", "0001:all"], "DXB-U166"),
         (["abcdef0123", "0001:all"], "DXB-U167"),
         (["say/nothing", "0001"], "DXB-U108"),
-        (["say/words:nothing", "0001:all"], "DXB-U109"),
+        (["say/words:nothing", "0001:all"], "DXB-U110"),
         (["0099", "0001"], "DXB-U112"),
     ],
 )
