@@ -22,8 +22,7 @@ SPARES_M = (0.03, 0.015)
 SLAB_M = 0.03
 """Half height and half width of the slab in which the object's width is measured [m]."""
 STILL_M = 0.001
-"""Way between waiting and touching below which a finger does not move: that of a jaw against which the other closes
-[m]."""
+"""Way between open and closed below which a finger does not move: that of a jaw against which the other closes [m]."""
 ROOM_M = 0.045
 """Minimum gap between two walls for fingers [m]."""
 RIMS_M = (0.012, 0.018, 0.028)
@@ -57,6 +56,8 @@ def pinches(points: np.ndarray, name: str, grip: Grip, hand: HandKinematics) -> 
     """Generate grasps between thumb and fingertips, from above and from the side, of the whole object or of a wall."""
     opened, closed = hand.posture(grip.open), hand.posture({**grip.open, **grip.closed})
     pressing = hand.pressing(opened, closed)
+    # By the whole way: near the end of it, a thumb that closes hardly moves either.
+    jaw = any(map(_still, _tips(hand, opened, pressing), _tips(hand, closed, pressing)))
     travel = [_gap(hand, opened + part * (closed - opened), pressing) for part in np.linspace(0.0, 1.0, 21)]
     top, facing = float(points[:, 2].max()), np.array(grip.facing)
     middles = {top / 2, *(max(top - deep, top / 2) for deep in (0.015, 0.03, 0.045))}
@@ -78,7 +79,6 @@ def pinches(points: np.ndarray, name: str, grip: Grip, hand: HandKinematics) -> 
                 waiting = opened + wide * (closed - opened)
                 before = _tips(hand, waiting, pressing)
                 turns = {"": _align(fingers - thumb, facing, across, down)}
-                jaw = _still(thumb, before[0]) or _still(fingers, before[1])
                 if jaw:  # An arm of five joints turns its hand about the vertical, if the hand points straight down.
                     turns[" straight"] = _align(facing, fingers - thumb, down, across)
                 for more, turned in turns.items():

@@ -95,6 +95,16 @@ def test_a_grip_that_only_points_holds_nothing(robot: RobotModel, hand: HandKine
     assert not list(candidates(can(0.035, 0.15), {"point": robot.limbs["arm"].grips["point"]}, hand))
 
 
+@pytest.mark.medium
+@pytest.mark.parametrize("radius", [0.01, 0.02])
+def test_a_thumb_that_closes_is_no_jaw_however_little_it_moves(
+    robot: RobotModel, hand: HandKinematics, radius: float
+) -> None:
+    found = list(candidates(can(radius, 0.1), {"pinch": robot.limbs["arm"].grips["pinch"]}, hand))
+    assert found
+    assert not [grasp.name for grasp in found if "straight" in grasp.name or any(grasp.aside_m)]
+
+
 class Jaw:
     """A finger that turns by its joint [rad] about a point 0.1 m behind the tips, against one that never moves."""
 
