@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -12,8 +10,7 @@ import torch
 from torch import nn
 from torch.optim.swa_utils import AveragedModel
 
-from dextera_build.errors import RuleError
-from dextera_build.learning import weights
+from dextera_build.learning import kept_state
 
 
 @dataclass
@@ -45,11 +42,7 @@ def save(
     tensors = {f"weight.{name}": tensor for name, tensor in network.state_dict().items()}
     if average is not None:
         tensors |= {f"average.{name}": tensor for name, tensor in average.state_dict().items()}
-    for number, moments in optimiser.state_dict()["state"].items():
-        tensors |= {f"moment.{number}.{name}": torch.as_tensor(tensor) for name, tensor in moments.items()}
-    fresh = file.with_suffix(".new")
-    fresh.write_bytes(weights.to_bytes(tensors, {"kept": json.dumps(asdict(kept))}))
-    os.replace(fresh, file)
+    kept_state.write(file, tensors | kept_state.moments(optimiser), asdict(kept))
 
 
 def restore(
@@ -70,34 +63,14 @@ def restore(
         average: Receives the moving average.
         usable: Whether a state after so many steps can be used.
     """
-    found = _read(file)
+    found = kept_state.read(file)
     if found is None or found[0].get("of") != kept.of or not usable(int(str(found[0].get("step")))):
         return False
     notes, tensors = found
-    network.load_state_dict(_under(tensors, "weight."))
+    network.load_state_dict(kept_state.under(tensors, "weight."))
     if average is not None:
-        average.load_state_dict(_under(tensors, "average."))
-    moments: dict[int, dict[str, torch.Tensor]] = {}
-    for name, tensor in tensors.items():
-        if name.startswith("moment."):
-            _, number, moment = name.split(".")
-            moments.setdefault(int(number), {})[moment] = tensor
-    optimiser.load_state_dict(optimiser.state_dict() | {"state": moments})
+        average.load_state_dict(kept_state.under(tensors, "average."))
+    kept_state.take_moments(optimiser, tensors)
     for name, value in notes.items():
         setattr(kept, name, value)
     return True
-
-
-def _under(tensors: dict[str, torch.Tensor], prefix: str) -> dict[str, torch.Tensor]:
-    return {name.removeprefix(prefix): tensor for name, tensor in tensors.items() if name.startswith(prefix)}
-
-
-def _read(file: Path) -> tuple[dict[str, object], dict[str, torch.Tensor]] | None:
-    from safetensors import SafetensorError, safe_open
-
-    try:
-        with safe_open(str(file), framework="pt") as opened:
-            notes: dict[str, object] = json.loads((opened.metadata() or {})["kept"])
-        return notes, weights.from_bytes(file.read_bytes())
-    except (OSError, SafetensorError, RuleError, KeyError, ValueError):
-        return None

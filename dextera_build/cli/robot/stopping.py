@@ -121,7 +121,7 @@ def _opened(device: str) -> Iterator[int]:
         if not gives_events(number):
             raise MachineError(
                 f"`{device}` is no input device whose keys can be read",
-                code="DXB-E451",
+                code="DXB-E452",
                 hint="`ls /dev/input/by-id/*-event-kbd` lists keyboards and pedals; others are not understood",
             )
         yield number

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import math
-import os
 import time
 from collections import deque
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -15,7 +13,7 @@ import torch
 from dextera_build import digest
 from dextera_build.artifacts.tasks.policy import PolicyContract
 from dextera_build.errors import RuleError
-from dextera_build.learning import weights
+from dextera_build.learning import kept_state, weights
 from dextera_build.rule import Context, Options
 from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.sim.training.tensors.worlds import TensorWorlds
@@ -154,8 +152,7 @@ class Training:
         """Write the state to one file atomically."""
         learner = self._learner
         tensors = {f"weight.{name}": tensor for name, tensor in learner.policy.state_dict().items()}
-        for number, moments in learner.optimiser.state_dict()["state"].items():
-            tensors |= {f"moment.{number}.{name}": torch.as_tensor(each) for name, each in moments.items()}
+        tensors |= kept_state.moments(learner.optimiser)
         tensors |= {f"world.{name}": tensor for name, tensor in self._worlds.state.items()}
         tensors |= {f"average.{name}": tensor for name, tensor in self._average.items()}
         tensors |= {"seen": learner.seen, "earned": learner.earned}
@@ -170,48 +167,28 @@ class Training:
             "episodes": self._episodes,
         }
         self._saved = time.monotonic()
-        fresh = self._file.with_suffix(".new")
         try:
-            fresh.write_bytes(weights.to_bytes(plain, {"kept": json.dumps(notes)}))
-            os.replace(fresh, self._file)
+            kept_state.write(self._file, plain, notes)
         except OSError as error:
             self._ctx.log(f"the state of the training could not be kept: {error.strerror}")
 
     def _restore(self) -> bool:
         """Restore an interrupted training; whether there was one."""
-        found = self._read()
+        found = kept_state.read(self._file)
         if found is None or found[0].get("of") != self._of:
             return False
         notes, tensors = found
         self._ctx.log(f"resumes after decision {notes['made']:,}")
         learner = self._learner
-        learner.policy.load_state_dict(_with("weight.", tensors))
-        moments: dict[int, dict[str, torch.Tensor]] = {}
-        for name, tensor in _with("moment.", tensors).items():
-            number, moment = name.split(".")
-            moments.setdefault(int(number), {})[moment] = tensor
-        learner.optimiser.load_state_dict(learner.optimiser.state_dict() | {"state": moments})
+        learner.policy.load_state_dict(kept_state.under(tensors, "weight."))
+        kept_state.take_moments(learner.optimiser, tensors)
         learner.rate = notes["rate"]
         self._level, self._made, self._episodes = notes["level"], notes["made"], notes["episodes"]
         self._from_share()
-        self._worlds.restore(_with("world.", tensors))
+        self._worlds.restore(kept_state.under(tensors, "world."))
         device = self._worlds.device
         learner.seen, learner.earned = (tensors[name].to(device) for name in ("seen", "earned"))
-        self._average = {name: tensor.to(device) for name, tensor in _with("average.", tensors).items()}
+        self._average = {name: tensor.to(device) for name, tensor in kept_state.under(tensors, "average.").items()}
         self._recent.extend((reward, done) for reward, done in notes["recent"])
         self._curve = [(step, reward, success) for step, reward, success in notes["curve"]]
         return True
-
-    def _read(self) -> tuple[dict[str, Any], dict[str, torch.Tensor]] | None:
-        from safetensors import SafetensorError, safe_open
-
-        try:
-            with safe_open(str(self._file), framework="pt") as opened:
-                notes: dict[str, Any] = json.loads((opened.metadata() or {})["kept"])
-            return notes, weights.from_bytes(self._file.read_bytes())
-        except (OSError, SafetensorError, RuleError, KeyError, ValueError):
-            return None
-
-
-def _with(prefix: str, tensors: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    return {name.removeprefix(prefix): tensor for name, tensor in tensors.items() if name.startswith(prefix)}

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
 import time
 from collections import deque
 from collections.abc import Iterator
@@ -17,8 +15,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from dextera_build import digest
 from dextera_build.artifacts.tasks.policy import PolicyContract
-from dextera_build.errors import RuleError
-from dextera_build.learning import weights
+from dextera_build.learning import kept_state, weights
 from dextera_build.rule import Context
 from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.sim.training.practice import Place
@@ -124,8 +121,7 @@ class Watch(BaseCallback):
         """Write the state to one file atomically."""
         model: Any = self.model
         tensors = {f"weight.{name}": tensor for name, tensor in model.policy.state_dict().items()}
-        for number, moments in model.policy.optimizer.state_dict()["state"].items():
-            tensors |= {f"moment.{number}.{name}": torch.as_tensor(tensor) for name, tensor in moments.items()}
+        tensors |= kept_state.moments(model.policy.optimizer)
         places = self._worlds.practices.places
         for number, place in enumerate(places):
             tensors[f"place.{number}"] = torch.from_numpy(np.array(place.decisions, np.float32))
@@ -143,16 +139,14 @@ class Watch(BaseCallback):
             "episodes": self._episodes,
         }
         self._saved = time.monotonic()
-        fresh = self._file.with_suffix(".new")
         try:
-            fresh.write_bytes(weights.to_bytes(tensors, {"kept": json.dumps(notes)}))
-            os.replace(fresh, self._file)
+            kept_state.write(self._file, tensors, notes)
         except OSError as error:
             self._ctx.log(f"the state of the training could not be kept: {error.strerror}")
 
     def restore(self, model: PPO) -> None:
         """Restore `model` and the environments from an interrupted training, or reset them."""
-        found = self._read()
+        found = kept_state.read(self._file)
         if found is None or found[0].get("of") != self._of:
             self._worlds.practices.share = self._share
             model._last_obs = self._worlds.reset()
@@ -160,14 +154,8 @@ class Watch(BaseCallback):
             return
         notes, tensors = found
         self._ctx.log(f"resumes after decision {notes['decisions']:,}")
-        model.policy.load_state_dict({name[7:]: part for name, part in tensors.items() if name.startswith("weight.")})
-        moments: dict[int, dict[str, torch.Tensor]] = {}
-        for name, tensor in tensors.items():
-            if name.startswith("moment."):
-                _, number, moment = name.split(".")
-                moments.setdefault(int(number), {})[moment] = tensor
-        optimiser = model.policy.optimizer
-        optimiser.load_state_dict(optimiser.state_dict() | {"state": moments})
+        model.policy.load_state_dict(kept_state.under(tensors, "weight."))
+        kept_state.take_moments(model.policy.optimizer, tensors)
         model.num_timesteps = notes["decisions"]
         made = [tuple(tensors[f"place.{number}"].numpy()) for number in range(self._options.worlds)]
         places = [Place(*each) for each in zip(notes["episode"], notes["share"], made, strict=True)]
@@ -179,7 +167,7 @@ class Watch(BaseCallback):
         self._recent.extend((reward, done) for reward, done in notes["recent"])
         self._curve = [(step, reward, success) for step, reward, success in notes["curve"]]
         self._episodes = notes["episodes"]
-        self._average = {name[8:]: tensor for name, tensor in tensors.items() if name.startswith("average.")}
+        self._average = kept_state.under(tensors, "average.")
         self._averaged = notes["decisions"]
 
     def _follow(self) -> None:
@@ -215,16 +203,6 @@ class Watch(BaseCallback):
             return "first episodes"
         rewards, successes = zip(*self._recent, strict=True)
         return f"reward {np.mean(rewards):.1f}, success {100 * np.mean(successes):.0f} %"
-
-    def _read(self) -> tuple[dict[str, Any], dict[str, torch.Tensor]] | None:
-        from safetensors import SafetensorError, safe_open
-
-        try:
-            with safe_open(str(self._file), framework="pt") as opened:
-                notes: dict[str, Any] = json.loads((opened.metadata() or {})["kept"])
-            return notes, weights.from_bytes(self._file.read_bytes())
-        except (OSError, SafetensorError, RuleError, KeyError, ValueError):
-            return None
 
 
 def actor_tensors(policy: Any) -> dict[str, torch.Tensor]:

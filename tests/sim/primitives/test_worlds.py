@@ -40,7 +40,7 @@ LIFTED = {
 LIFT = TaskSpec(name="Lift", object="box", goal=LiftGoal(height_m=0.1))
 
 
-@pytest.mark.parametrize(
+ON_EVERY_TASK = pytest.mark.parametrize(
     ("task", "traces"),
     [
         (test_pick_and_place.INTO, INTO),
@@ -53,6 +53,9 @@ LIFT = TaskSpec(name="Lift", object="box", goal=LiftGoal(height_m=0.1))
     ],
     ids=["into", "place", "push", "reorient", "handover", "lift", "lift with one hand"],
 )
+
+
+@ON_EVERY_TASK
 def test_worlds_are_judged_together_as_alone(task: TaskSpec, traces: Mapping[str, Trace]) -> None:
     length = min(len(trace.states) for trace in traces.values())
     episodes = [trace.states[-length:] for trace in traces.values()]

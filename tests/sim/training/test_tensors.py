@@ -21,8 +21,8 @@ from dextera_build.sim.training.tensors.judge import TensorJudge, tensors
 from dextera_build.sim.training.tensors.steering import TensorSteering
 from dextera_build.testing import RuleRunner
 from tests import task_bundles
-from tests.sim.primitives import test_handover, test_pick_and_place, test_pick_and_reorient, test_push, test_success
-from tests.sim.primitives.test_worlds import GIVEN, INTO, LIFT, LIFTED, PUSHED, TURNED
+from tests.sim.primitives import test_pick_and_place, test_success
+from tests.sim.primitives.test_worlds import LIFT, LIFTED, ON_EVERY_TASK
 from tests.sim.primitives.traces import Trace, box
 
 OBJECTS = {"box": box(), "tray": test_pick_and_place.tray()}
@@ -59,19 +59,7 @@ def judged_alike(task: TaskSpec, states: list[TaskState]) -> np.ndarray:
 
 
 @pytest.mark.medium
-@pytest.mark.parametrize(
-    ("task", "traces"),
-    [
-        (test_pick_and_place.INTO, INTO),
-        (test_pick_and_place.TASK, INTO),
-        (test_push.TASK, PUSHED),
-        (test_pick_and_reorient.TASK, TURNED),
-        (test_handover.TASK, GIVEN),
-        (LIFT, LIFTED),
-        (LIFT.model_copy(update={"limbs": ("right",)}), LIFTED),
-    ],
-    ids=["into", "place", "push", "reorient", "handover", "lift", "lift with one hand"],
-)
+@ON_EVERY_TASK
 def test_tensors_are_judged_as_arrays(task: TaskSpec, traces: Mapping[str, Trace]) -> None:
     length = max(len(trace.states) for trace in traces.values())
     episodes = [[trace.states[0]] * (length - len(trace.states)) + trace.states for trace in traces.values()]
